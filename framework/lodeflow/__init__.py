@@ -1,0 +1,131 @@
+"""lodeflow: plugin-based dataflow for heading and orientation sensing. Plugins import this door.
+
+import lodeflow as lf
+
+class Doubler(lf.Node):
+    def step(self, rate: lf.AngularRate) -> lf.AngularRate:
+        return rate.replace(angular_rate=2 * rate.angular_rate)
+"""
+
+from lodeflow.algebra import rotate
+from lodeflow.clock import Clock, seconds
+from lodeflow.errors import (
+    ContractError,
+    GraphError,
+    LodeflowError,
+    MessageError,
+    NodeError,
+    NodeFailure,
+    RecordingError,
+    RunError,
+)
+from lodeflow.messages.fields import (
+    GAPS,
+    Array,
+    Int64,
+    Matrix3,
+    Quaternion,
+    Scalar,
+    UInt8,
+    UInt32,
+    Vector3,
+)
+from lodeflow.messages.message import Message
+from lodeflow.messages.units import (
+    STANDARD_GRAVITY,
+    Dimensionless,
+    Hertz,
+    Lsb,
+    LsbPerTesla,
+    Meter,
+    MeterPerSecondSquared,
+    Radian,
+    RadPerSecond,
+    Second,
+    Tesla,
+    Unit,
+)
+from lodeflow.messages.vocabulary import (
+    AngularRate,
+    Attitude,
+    AttitudeScore,
+    AttitudeTruth,
+    EulerAngles,
+    Heading,
+    Imu,
+    MagneticField,
+    Mode,
+    RawField,
+    RawForce,
+    RawRate,
+    Score,
+    SpecificForce,
+)
+from lodeflow.node import Node, Source
+from lodeflow.params import Mat3, Params, Vec3
+from lodeflow.registry import hookimpl
+from lodeflow.sync import Bound, Each, Exact, Hold, Nearest, Sparse
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "GAPS",
+    "STANDARD_GRAVITY",
+    "AngularRate",
+    "Array",
+    "Attitude",
+    "AttitudeScore",
+    "AttitudeTruth",
+    "Bound",
+    "Clock",
+    "ContractError",
+    "Dimensionless",
+    "Each",
+    "EulerAngles",
+    "Exact",
+    "GraphError",
+    "Heading",
+    "Hertz",
+    "Hold",
+    "Imu",
+    "Int64",
+    "LodeflowError",
+    "Lsb",
+    "LsbPerTesla",
+    "MagneticField",
+    "Mat3",
+    "Matrix3",
+    "Message",
+    "MessageError",
+    "Meter",
+    "MeterPerSecondSquared",
+    "Mode",
+    "Nearest",
+    "Node",
+    "NodeError",
+    "NodeFailure",
+    "Params",
+    "Quaternion",
+    "RadPerSecond",
+    "Radian",
+    "RawField",
+    "RawForce",
+    "RawRate",
+    "RecordingError",
+    "RunError",
+    "Scalar",
+    "Score",
+    "Second",
+    "Source",
+    "Sparse",
+    "SpecificForce",
+    "Tesla",
+    "UInt8",
+    "UInt32",
+    "Unit",
+    "Vec3",
+    "Vector3",
+    "hookimpl",
+    "rotate",
+    "seconds",
+]

@@ -1,0 +1,1 @@
+"""Graph files: from YAML to a checked description that holds no live object."""

@@ -1,0 +1,103 @@
+"""Graph: the checked description of nodes, wires and parameters. It holds no live object."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from lodeflow.node import SINGLE_PORT, Node, Source
+from lodeflow.params import Params
+
+Loss = Literal["nonfinite", "disorder", "late", "overflow"]
+"""Why a source dropped a sample: NaN or infinite; a stamp that repeats or goes back; later than
+`max_delay`; more than its inbox holds."""
+
+
+@dataclass(frozen=True, order=True)
+class Wire:
+    """An output port: where an input gets its messages from."""
+
+    node: str
+    port: str
+
+    def __str__(self) -> str:
+        return self.node if self.port == SINGLE_PORT else f"{self.node}.{self.port}"
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A condition on a row: the last value of `wire` at the row's stamp is one of `allowed`.
+
+    Attributes:
+        wire: stream of a message type with exactly one field with named constants.
+        field: that field.
+        allowed: values that let a row pass.
+    """
+
+    wire: Wire
+    field: str
+    allowed: frozenset[int]
+
+
+@dataclass(frozen=True)
+class GraphNode:
+    """One node of a graph.
+
+    Attributes:
+        name: unique in the graph.
+        use: plugin name, or "module:Class".
+        plugin: the class.
+        params: checked parameters.
+        inputs: wire of each input port; optional ports may be absent.
+        gates: conditions that must all hold for a row to be stepped.
+        allow: losses of a source that do not fail the run.
+    """
+
+    name: str
+    use: str
+    plugin: type[Node] | type[Source]
+    params: Params
+    inputs: Mapping[str, Wire] = field(default_factory=dict)
+    gates: tuple[Gate, ...] = ()
+    allow: frozenset[Loss] = frozenset()
+
+
+@dataclass(frozen=True)
+class Record:
+    """What is recorded, and where to.
+
+    Attributes:
+        to: path with {name}, {start} and {args} fields filled in when the run starts.
+        streams: wires to record, or None for all of them.
+    """
+
+    to: str
+    streams: tuple[Wire, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A checked graph.
+
+    Attributes:
+        name: name of the graph, part of every key and file name.
+        nodes: by name, in the order of the file.
+        record: what is recorded by default; None for nothing.
+        processes: node names of each process group; empty for one process.
+        args: the arguments with the values in force.
+        document: the resolved file as plain data: what a run needs to be repeated.
+    """
+
+    name: str
+    nodes: Mapping[str, GraphNode]
+    record: Record | None = None
+    processes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    args: Mapping[str, Any] = field(default_factory=dict)
+    document: Mapping[str, Any] = field(default_factory=dict)
+
+    def streams(self) -> Iterator[Wire]:
+        """Yield every output port, in the order of the nodes."""
+        for node in self.nodes.values():
+            for port in node.plugin.spec.outputs:
+                yield Wire(node.name, port.name)

@@ -1,0 +1,129 @@
+"""The bundled message types.
+
+Frames, unless a type says otherwise (REP 103): body is x forward, y left, z up; earth is x
+magnetic east, y magnetic north, z up. A quaternion rotates body vectors into the earth frame,
+v_earth = q v q*. Heading counts clockwise from magnetic north to the body's x axis.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from lodeflow.messages.fields import (
+    GAPS,
+    Int64,
+    Quaternion,
+    Scalar,
+    UInt8,
+    Vector3,
+)
+from lodeflow.messages.message import Message
+from lodeflow.messages.units import (
+    Lsb,
+    MeterPerSecondSquared,
+    Radian,
+    RadPerSecond,
+    Tesla,
+)
+
+
+class Imu(Message, ros="sensor_msgs/msg/Imu", frame="body"):
+    """Inertial measurement in the body frame; linear_acceleration is specific force."""
+
+    ros_defaults: ClassVar = {
+        # REP 145: a first covariance of -1 says that there is no orientation estimate.
+        "orientation_covariance": (-1.0, *[0.0] * 8),
+        "orientation.w": 1.0,
+    }
+
+    angular_velocity: Vector3[RadPerSecond]
+    linear_acceleration: Vector3[MeterPerSecondSquared]
+
+
+class MagneticField(Message, ros="sensor_msgs/msg/MagneticField", frame="body"):
+    """Magnetic flux density in the body frame."""
+
+    magnetic_field: Vector3[Tesla]
+
+
+class Attitude(Message, ros="geometry_msgs/msg/QuaternionStamped", frame="earth"):
+    """Attitude of the body in the earth frame; the sign of the quaternion carries no meaning."""
+
+    quaternion: Quaternion
+
+
+class AttitudeTruth(Message, ros="lodeflow_msgs/msg/AttitudeTruth", frame="earth"):
+    """Reference attitude; NaN where the reference lost it. Scored where moving is 1."""
+
+    quaternion: Annotated[Quaternion, GAPS]
+    moving: UInt8
+
+
+class EulerAngles(Message, ros="lodeflow_msgs/msg/EulerAngles", frame="earth"):
+    """Heading clockwise from magnetic north, pitch nose up, roll right side down."""
+
+    heading: Scalar[Radian]
+    pitch: Scalar[Radian]
+    roll: Scalar[Radian]
+
+
+class Heading(Message, ros="lodeflow_msgs/msg/Heading", frame="earth"):
+    """Heading clockwise from magnetic north, from 0 up to 2 pi."""
+
+    heading: Scalar[Radian]
+
+
+class SpecificForce(Message, ros="lodeflow_msgs/msg/SpecificForce", frame="body"):
+    """Specific force in the body frame: what an accelerometer measures, +9.8 upward at rest."""
+
+    specific_force: Vector3[MeterPerSecondSquared]
+
+
+class AngularRate(Message, ros="lodeflow_msgs/msg/AngularRate", frame="body"):
+    """Angular rate of the body against inertial space, in the body frame."""
+
+    angular_rate: Vector3[RadPerSecond]
+
+
+class RawField(Message, ros="lodeflow_msgs/msg/RawField", frame="magnetometer"):
+    """Uncalibrated magnetometer output along its own axes."""
+
+    counts: Vector3[Lsb]
+
+
+class RawForce(Message, ros="lodeflow_msgs/msg/RawForce", frame="accelerometer"):
+    """Uncalibrated accelerometer output along its own axes."""
+
+    counts: Vector3[Lsb]
+
+
+class RawRate(Message, ros="lodeflow_msgs/msg/RawRate", frame="gyroscope"):
+    """Uncalibrated gyroscope output along its own axes."""
+
+    counts: Vector3[Lsb]
+
+
+class Mode(Message, ros="lodeflow_msgs/msg/Mode"):
+    """Which sensor the heading follows."""
+
+    NONE: ClassVar = 0
+    COMPASS: ClassVar = 1
+    GYRO: ClassVar = 2
+
+    mode: UInt8
+
+
+class Score(Message):
+    """Base of all scores: a run shows them in its summary, a study collects them."""
+
+
+class AttitudeScore(Score, ros="lodeflow_msgs/msg/AttitudeScore"):
+    """Error of an estimated attitude against a reference, over the samples that are scored."""
+
+    total_rmse: Scalar[Radian]
+    heading_rmse: Scalar[Radian]
+    inclination_rmse: Scalar[Radian]
+    total_max: Scalar[Radian]
+    heading_max: Scalar[Radian]
+    inclination_max: Scalar[Radian]
+    samples: Int64

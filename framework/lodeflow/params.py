@@ -1,0 +1,90 @@
+"""Parameters of a plugin: typed, frozen, with units, checked before anything runs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from lodeflow.messages.units import Dimensionless, Unit
+
+
+class Params(BaseModel):
+    """Base of the nested `Params` of every plugin.
+
+    Unknown names are refused, values cannot be assigned after construction. A quantity carries its
+    unit in the annotation, `gyro_noise: Annotated[float, RadPerSecond] = 0.01`; a user may then
+    write a plain number in that unit, or a text such as "0.5 deg/s".
+    """
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        arbitrary_types_allowed=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+        validate_default=True,
+    )
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        mine, others = self.__dict__, other.__dict__
+        return all(np.array_equal(mine[name], others[name]) for name in mine)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+class _ArrayOf:
+    """Pydantic schema of a float64 array of fixed shape, given as nested lists."""
+
+    def __init__(self, *shape: int) -> None:
+        self.shape = shape
+
+    def __get_pydantic_core_schema__(
+        self, source: type[Any], handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        def convert(value: Any) -> NDArray[np.float64]:
+            try:
+                array = np.array(value, dtype=np.float64)
+            except (TypeError, ValueError):
+                raise self._refusal() from None
+            if array.shape != self.shape or not np.isfinite(array).all():
+                raise self._refusal()
+            array.flags.writeable = False
+            return array
+
+        return core_schema.no_info_plain_validator_function(
+            convert,
+            serialization=core_schema.plain_serializer_function_ser_schema(lambda a: a.tolist()),
+        )
+
+    def _refusal(self) -> PydanticCustomError:
+        shape = " x ".join(map(str, self.shape))
+        return PydanticCustomError(
+            "array", "should be {shape} finite numbers, as a list", {"shape": shape}
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        inner: JsonSchemaValue = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+        for length in reversed(self.shape):
+            inner = {"type": "array", "items": inner, "minItems": length, "maxItems": length}
+        return inner
+
+
+Vec3 = Annotated[NDArray[np.float64], _ArrayOf(3)]
+"""Three numbers; float64 of shape (3,), read-only."""
+Mat3 = Annotated[NDArray[np.float64], _ArrayOf(3, 3)]
+"""Three rows of three numbers; float64 of shape (3, 3), read-only."""
+
+
+def unit_of(metadata: list[Any]) -> type[Unit]:
+    """Return the unit among the metadata of a pydantic field."""
+    units = [m for m in metadata if isinstance(m, type) and issubclass(m, Unit)]
+    return units[0] if units else Dimensionless

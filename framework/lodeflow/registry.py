@@ -1,0 +1,140 @@
+"""Discovery of plugins by pluggy, lazily: listing and checking names imports nothing heavy.
+
+A plugin package has an entry point in the group `lodeflow` that names a module with hook
+implementations. No hook is called on the path of a message.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pluggy
+
+from lodeflow.errors import NodeError, did_you_mean
+from lodeflow.node import Node, Source
+
+GROUP = "lodeflow"
+hookspec = pluggy.HookspecMarker(GROUP)
+hookimpl = pluggy.HookimplMarker(GROUP)
+
+
+class Hooks:
+    """The hooks that a plugin package may implement."""
+
+    @hookspec
+    def lodeflow_nodes(self) -> Mapping[str, str]:
+        """Return plugin names with import paths, {"name": "package.module:Class"}."""
+        raise NotImplementedError
+
+    @hookspec
+    def lodeflow_messages(self) -> list[str]:
+        """Return the modules that declare message types."""
+        raise NotImplementedError
+
+    @hookspec
+    def lodeflow_commands(self) -> Mapping[str, str]:
+        """Return commands of the command line, {"name": "package.module:click_command"}."""
+        raise NotImplementedError
+
+    @hookspec
+    def lodeflow_importers(self) -> Mapping[str, str]:
+        """Return formats of `lodeflow import`, {"format": "package.module:function"}.
+
+        The function takes a file's path and returns a Source class with its parameters.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A registered name: where it points, and which package brought it."""
+
+    name: str
+    path: str
+    package: str
+
+
+class Registry:
+    """The names that installed plugin packages bring."""
+
+    def __init__(self, manager: pluggy.PluginManager) -> None:
+        self.manager = manager
+        self.nodes = self._collect("lodeflow_nodes")
+        self.commands = self._collect("lodeflow_commands")
+        self.importers = self._collect("lodeflow_importers")
+
+    def _collect(self, hook: str) -> dict[str, Entry]:
+        found: dict[str, Entry] = {}
+        for implementation in getattr(self.manager.hook, hook).get_hookimpls():
+            package = implementation.plugin_name
+            for name, path in implementation.function().items():
+                if name in found:
+                    raise NodeError(
+                        f"{hook}: {name!r} is brought by both {found[name].package} and {package}; "
+                        "uninstall one of them"
+                    )
+                found[name] = Entry(name, path, package)
+        return found
+
+    def load(self, use: str) -> type[Node] | type[Source]:
+        """Return the class that `use` names: a plugin, or "module:Class" for one not packaged.
+
+        Raises:
+            NodeError: nothing of that name, or it cannot be imported, or it is no plugin.
+        """
+        if ":" in use:
+            return _plugin(use, use)
+        if use not in self.nodes:
+            raise NodeError(
+                f"no plugin {use!r}{did_you_mean(use, self.nodes)} "
+                "('lodeflow nodes' lists them; 'module:Class' names one in a file)"
+            )
+        return _plugin(use, self.nodes[use].path)
+
+
+@cache
+def registry() -> Registry:
+    """Return the installed plugins, discovered once."""
+    manager = pluggy.PluginManager(GROUP)
+    manager.add_hookspecs(Hooks)
+    manager.load_setuptools_entrypoints(GROUP)
+    return Registry(manager)
+
+
+def load_object(path: str) -> Any:
+    """Import what "package.module:Name" names; the current folder is importable.
+
+    Raises:
+        NodeError: the module or the name in it cannot be imported, and why.
+    """
+    module_name, _, name = path.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        module = importlib.import_module(module_name)
+    except NodeError:
+        raise
+    except Exception as error:
+        raise NodeError(f"{path!r} cannot be imported: {type(error).__name__}: {error}") from error
+    try:
+        return getattr(module, name)
+    except AttributeError:
+        raise NodeError(
+            f"module {module_name!r} has no {name!r}{did_you_mean(name, vars(module))}"
+        ) from None
+
+
+def _plugin(use: str, path: str) -> type[Node] | type[Source]:
+    found = load_object(path)
+    if not (isinstance(found, type) and issubclass(found, (Node, Source))):
+        raise NodeError(f"{use!r} is not a plugin: {path} is no subclass of Node or Source")
+    if not hasattr(found, "spec"):
+        raise NodeError(f"{use!r} is not a plugin: it has no step, step_block or read")
+    return found

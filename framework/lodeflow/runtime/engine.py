@@ -1,0 +1,200 @@
+"""Engine: brings the data of all sources through a plan, with the driver that suits them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from lodeflow.clock import Clock, Pacer, SimClock, WallClock
+from lodeflow.errors import ContractError
+from lodeflow.runtime.blocks import BlockDriver
+from lodeflow.runtime.feed import Batch, LiveFeed, batches, max_delay
+from lodeflow.runtime.plan import Plan, PlanNode
+from lodeflow.runtime.samples import SampleDriver
+from lodeflow.sync import END, NEVER
+
+TICK = 0.02
+"""Seconds between looks at the stop flag and the live sources' clocks when nothing comes."""
+
+Watch = Callable[[int], None]
+"""Called with the event time reached, between batches; it may raise to end the run."""
+
+
+class Engine:
+    """Runs a plan to the end of its sources, or until it is told to stop.
+
+    Args:
+        plan: a fresh plan.
+        speed: event time per wall time; None for as fast as the data allows.
+        duration: event time to run for, in nanoseconds from the run's start; None for all.
+        watch: called between batches, at least every `TICK` seconds while paced or live.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        *,
+        speed: float | None = None,
+        duration: int | None = None,
+        watch: Watch = lambda t: None,
+    ) -> None:
+        self.plan = plan
+        self.speed = speed
+        self.watch = watch
+        self.stopping = threading.Event()
+        self.wake = threading.Event()
+        self.live = [n for n in plan.sources if max_delay(n) is not None]
+        self.clock: Clock = WallClock() if self.live else SimClock()
+        self.until = END if duration is None else self.clock.start + duration
+
+    def stop(self) -> None:
+        """End all sources at the next look; what is on its way is finished. Safe in a signal."""
+        self.stopping.set()
+        self.wake.set()
+
+    def run(self) -> None:
+        """Start the nodes, run, and let every node finish.
+
+        Raises:
+            NodeFailure: a plugin raised.
+            ContractError: a node broke a rule of event time.
+        """
+        self.plan.start()
+        if self.live or self.speed is not None:
+            self._run_samples()
+        else:
+            self._run_blocks()
+
+    def _run_blocks(self) -> None:
+        driver = BlockDriver(self.plan)
+        feeds = {node.name: batches(node, self.clock, self.until) for node in self.plan.sources}
+        reached = dict.fromkeys(feeds, NEVER)
+        try:
+            while reached:
+                # The source that is furthest behind: joins then hold as little as they can.
+                name = min(reached, key=reached.__getitem__)
+                batch = Batch([], END) if self.stopping.is_set() else next(feeds[name])
+                driver.push(name, batch.blocks, batch.bound)
+                reached[name] = batch.bound
+                if batch.bound == END:
+                    del reached[name]
+                self.watch(min(reached.values(), default=END))
+        finally:
+            for feed in feeds.values():
+                feed.close()  # type: ignore[attr-defined]
+        _all_ended(driver.unfinished())
+
+    def _run_samples(self) -> None:
+        driver = SampleDriver(self.plan)
+        waiting = [_Paced(node, self.clock, self.until) for node in self.plan.sources]
+        files = [feed for feed in waiting if feed.node not in self.live]
+        live = [LiveFeed(node, self.clock, self.wake) for node in self.live]
+        pacer = Pacer(1.0 if self.speed is None else self.speed)
+        for feed in live:
+            feed.start()
+        try:
+            self._loop(driver, files, live, pacer)
+        finally:
+            for paced in files:
+                paced.close()
+            for feed in live:
+                feed.stop()
+            driver.count()
+        _all_ended(driver.unfinished())
+
+    def _loop(
+        self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed], pacer: Pacer
+    ) -> None:
+        for feed in files:
+            feed.advance(driver)
+        files = [feed for feed in files if feed.t < END]
+        while (files or live) and not self.stopping.is_set():
+            for inbox in live:
+                for batch in inbox.drain():
+                    _push_rows(driver, inbox.node.name, batch)
+            live = [inbox for inbox in live if inbox.intake.floor < END]
+            due = min(files, key=lambda feed: feed.t, default=None)
+            wait = TICK if due is None else pacer.remaining(due.t)
+            if due is not None and wait <= 0:
+                due.push(driver)
+                if due.t == END:
+                    files.remove(due)
+                wait = 0.0
+            driver.count()
+            self.watch(due.t if due is not None else self.clock.now())
+            if wait > 0:
+                self.wake.wait(min(wait, TICK))
+                self.wake.clear()
+        for feed in files:
+            driver.promise(feed.node.name, END)
+        for inbox in live:
+            driver.promise(inbox.node.name, END)
+
+
+class _Paced:
+    """A source of data at rest, handed out stamp by stamp."""
+
+    def __init__(self, node: PlanNode, clock: Clock, until: int) -> None:
+        self.node = node
+        self.batches = batches(node, clock, until)
+        self.rows: Iterator[tuple[int, list[tuple[int, Any]]]] = iter(())
+        self.bound = NEVER
+        self.t = NEVER
+        self.next: list[tuple[int, Any]] = []
+
+    def advance(self, driver: SampleDriver) -> None:
+        """Look for the next stamp, and promise that nothing comes before it."""
+        while True:
+            found = next(self.rows, None)
+            if found is not None:
+                self.t, self.next = found
+                break
+            if self.bound == END:
+                self.t, self.next = END, []
+                break
+            batch = next(self.batches)
+            self.bound = batch.bound
+            self.rows = _by_stamp(batch)
+            if not batch.blocks:
+                driver.promise(self.node.name, batch.bound)
+        driver.promise(self.node.name, self.t)
+
+    def push(self, driver: SampleDriver) -> None:
+        """Bring in the messages of the next stamp."""
+        for port, sample in self.next:
+            driver.push(self.node.name, port, sample)
+        self.advance(driver)
+
+    def close(self) -> None:
+        """Let the source release what it holds."""
+        self.batches.close()  # type: ignore[attr-defined]
+
+
+def _by_stamp(batch: Batch) -> Iterator[tuple[int, list[tuple[int, Any]]]]:
+    """Yield (stamp, messages) of a batch in the order of stamps."""
+    if not batch.blocks:
+        return
+    for t in np.unique(np.concatenate([block.t for _, block in batch.blocks])).tolist():
+        found = []
+        for port, block in batch.blocks:
+            index = int(np.searchsorted(block.t, t))
+            if index < len(block.t) and block.t[index] == t:
+                found.append((port, block.row(index)))
+        yield t, found
+
+
+def _push_rows(driver: SampleDriver, source: str, batch: Batch) -> None:
+    for _, messages in _by_stamp(batch):
+        for port, sample in messages:
+            driver.push(source, port, sample)
+    driver.promise(source, batch.bound)
+
+
+def _all_ended(unfinished: list[str]) -> None:
+    if unfinished:
+        raise ContractError(
+            f"all sources have ended, but these nodes still wait: {', '.join(unfinished)}"
+        )

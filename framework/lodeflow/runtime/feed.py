@@ -1,0 +1,199 @@
+"""Feeds: what sources yield, checked. Here and only here is a sample dropped, and counted."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lodeflow.clock import Clock
+from lodeflow.errors import ContractError
+from lodeflow.messages.message import Message
+from lodeflow.runtime.plan import PlanNode, check_output
+from lodeflow.sync import END, NEVER, Bound
+
+INBOX_SIZE = 10_000
+"""Items that a live source may be ahead of the run before its samples overflow."""
+
+
+def max_delay(node: PlanNode) -> int | None:
+    """Return how late a live source's samples may come; None for data at rest."""
+    delay: int | None = getattr(node.plugin, "max_delay", None)
+    return delay
+
+
+class Batch(NamedTuple):
+    """What may enter the graph: blocks as (port index, block), then a bound on all ports."""
+
+    blocks: list[tuple[int, Any]]
+    bound: int
+
+
+class Intake:
+    """Checks what one source yields: types, finite values, order of stamps."""
+
+    def __init__(self, node: PlanNode) -> None:
+        self.node = node
+        self.source: Any = node.plugin
+        self.ports = node.spec.outputs
+        self.live = max_delay(node) is not None
+        self.floor = NEVER
+        self.last = [NEVER] * len(self.ports)
+
+    def take(self, item: Any) -> Batch:
+        """Return the part of a yielded item that may enter, and count the rest."""
+        if isinstance(item, Bound):
+            self.floor = max(self.floor, item.t)
+            return Batch([], self.floor)
+        messages = item if self.node.spec.step_tuple else (item,)
+        if not isinstance(messages, tuple) or len(messages) != len(self.ports):
+            names = ", ".join(port.name for port in self.ports)
+            raise self.node.broken(names, f"it must yield these ports or a Bound, got {item!r}")
+        blocks = []
+        reached = self.floor
+        for index, message in enumerate(messages):
+            if message is None:
+                continue
+            check_output(self.node, self.ports[index], message)
+            block = self._clean(index, message if message.is_block else message.as_block())
+            if len(block):
+                blocks.append((index, block))
+                self.last[index] = int(block.t[-1])
+                reached = max(reached, self.last[index] + 1)
+        if not self.live:
+            self.floor = reached
+        return Batch(blocks, self.floor)
+
+    def _clean(self, index: int, block: Any) -> Any:
+        finite = finite_rows(block)
+        if finite is not None:
+            self.node.counters.lose("nonfinite", int(len(block) - finite.sum()))
+            block = block[finite]
+        if self.live and len(block) and block.t[0] < self.floor:
+            late = block.t < self.floor
+            self.node.counters.lose("late", int(late.sum()))
+            block = block[~late]
+        t = block.t
+        if not len(t):
+            return block
+        before = max(self.last[index], NEVER if self.live else self.floor - 1)
+        highest = np.maximum.accumulate(np.concatenate([[before], t[:-1]]))
+        onward = t > highest
+        if not onward.all():
+            self.node.counters.lose("disorder", int(len(t) - onward.sum()))
+            block = block[onward]
+        return block
+
+
+def finite_rows(block: Message) -> NDArray[np.bool_] | None:
+    """Return which rows of a block are finite where they must be; None if all are."""
+    rows: NDArray[np.bool_] | None = None
+    for field, column in zip(block.fields, block.values(), strict=True):
+        if field.integer or field.gaps:
+            continue
+        finite = np.isfinite(column)
+        if not finite.all():
+            finite = finite.reshape(len(finite), -1).all(axis=1)
+            rows = finite if rows is None else rows & finite
+    return rows
+
+
+def batches(node: PlanNode, clock: Clock, until: int = END) -> Iterator[Batch]:
+    """Yield all that a source of data at rest has, up to the stamp `until`, and the end.
+
+    Raises:
+        NodeFailure: the source raised; names the last stamp that it reached.
+    """
+    intake = Intake(node)
+    items = intake.source.read(clock)
+    try:
+        while True:
+            try:
+                item = next(items)
+            except StopIteration:
+                break
+            except Exception as error:
+                reached = "the start" if max(intake.last) == NEVER else max(intake.last)
+                raise node.failure("read", reached, error) from error
+            blocks, bound = intake.take(item)
+            if bound > until:
+                blocks = [(i, b[: np.searchsorted(b.t, until)]) for i, b in blocks]
+                yield Batch([(i, b) for i, b in blocks if len(b)], END)
+                return
+            yield Batch(blocks, bound)
+        yield Batch([], END)
+    finally:
+        items.close()
+
+
+class LiveFeed:
+    """Reads a device source in a thread of its own, into a bounded inbox.
+
+    The run drains the inbox; what does not fit is dropped and counted as overflow, before it
+    enters any stream. A sample later than `max_delay` behind the clock is dropped as late.
+    """
+
+    def __init__(self, node: PlanNode, clock: Clock, wake: threading.Event) -> None:
+        self.node = node
+        self.clock = clock
+        self.wake = wake
+        self.inbox: deque[Any] = deque()
+        self.overflow = 0
+        self.counted = 0
+        self.error: BaseException | None = None
+        self.ended = False
+        self.intake = Intake(node)
+        self.stopping = False
+        self.thread = threading.Thread(target=self._read, name=f"source {node.name}", daemon=True)
+
+    def start(self) -> None:
+        """Start reading."""
+        self.thread.start()
+
+    def _read(self) -> None:
+        try:
+            items = self.intake.source.read(self.clock)
+            for item in items:
+                if self.stopping:
+                    break
+                if len(self.inbox) >= INBOX_SIZE and not isinstance(item, Bound):
+                    self.overflow += _messages_in(item)
+                else:
+                    self.inbox.append(item)
+                self.wake.set()
+            items.close()
+        except Exception as error:  # raised again by `drain`, on the run's own thread
+            self.error = error
+        finally:
+            self.ended = True
+            self.wake.set()
+
+    def drain(self) -> Iterator[Batch]:
+        """Yield what has come, then the bound that time alone gives."""
+        ended = self.ended  # before the inbox is looked at: nothing follows once it is set
+        bound = self.clock.now() - self.intake.source.max_delay
+        while self.inbox:
+            yield self.intake.take(self.inbox.popleft())
+        if self.overflow > self.counted:
+            self.node.counters.lose("overflow", self.overflow - self.counted)
+            self.counted = self.overflow
+        if self.error is not None:
+            reached = max(self.intake.last)
+            raise self.node.failure("read", reached, self.error) from self.error
+        self.intake.floor = END if ended else max(self.intake.floor, bound)
+        yield Batch([], self.intake.floor)
+
+    def stop(self) -> None:
+        """Ask the thread to end at its next item."""
+        self.stopping = True
+
+
+def _messages_in(item: Any) -> int:
+    messages = [m for m in (item if isinstance(item, tuple) else (item,)) if m is not None]
+    if not all(isinstance(m, Message) for m in messages):
+        raise ContractError(f"a source yielded {item!r}")
+    return sum(len(m) if m.is_block else 1 for m in messages)

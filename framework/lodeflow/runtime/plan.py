@@ -1,0 +1,193 @@
+"""Plan: a graph made ready to run. Live nodes in order, who reads what, and what is counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from lodeflow.errors import ContractError, NodeFailure
+from lodeflow.graph.model import Gate, Graph, GraphNode, Loss, Wire
+from lodeflow.graph.topology import order
+from lodeflow.messages.message import Message
+from lodeflow.node import InputPort, Node, NodeSpec, OutputPort, Source
+from lodeflow.sync import Each, Sync
+
+Tap = Callable[[Message], None]
+"""Gets every message of a port, as sample or block, in order; it must not block or write."""
+
+
+@dataclass
+class Counters:
+    """What happened at one node.
+
+    Attributes:
+        stepped: rows given to the node.
+        unmatched: lead rows that found no partner.
+        gated: rows that a closed gate held back.
+        sent: messages sent, by output port.
+        lost: messages that a source dropped, by reason.
+    """
+
+    stepped: int = 0
+    unmatched: int = 0
+    gated: int = 0
+    sent: dict[str, int] = field(default_factory=dict)
+    lost: dict[Loss, int] = field(default_factory=dict)
+
+    def lose(self, why: Loss, count: int = 1) -> None:
+        """Count dropped messages."""
+        if count:
+            self.lost[why] = self.lost.get(why, 0) + count
+
+
+class PlanNode:
+    """One node of a plan: the live plugin, its wired inputs and its counters."""
+
+    def __init__(self, graph_node: GraphNode) -> None:
+        self.name = graph_node.name
+        self.plugin: Node | Source = graph_node.plugin(graph_node.params, name=graph_node.name)
+        self.spec: NodeSpec = graph_node.plugin.spec
+        self.wires: dict[str, Wire] = dict(graph_node.inputs)
+        self.gates: tuple[Gate, ...] = graph_node.gates
+        self.allow = graph_node.allow
+        self.counters = Counters(sent={port.name: 0 for port in self.spec.outputs})
+        self.lookback = 0
+        if isinstance(self.plugin, Node):
+            self.lookback = int(self.plugin.lookback)
+
+    @property
+    def wired(self) -> list[InputPort]:
+        """Input ports that have a wire, in the order of the step's arguments."""
+        return [port for port in self.spec.inputs if port.name in self.wires]
+
+    @property
+    def sync(self) -> Sync | None:
+        """How the wired inputs meet; None where only one is wired and every row is its own."""
+        sync = self.spec.sync
+        if len(self.wired) == 1 and not isinstance(sync, Each):
+            return None
+        return sync
+
+    @property
+    def lead(self) -> str:
+        """Name of the input whose rows the node follows."""
+        named: str | None = getattr(self.spec.sync, "lead", None)
+        return named if named is not None else self.wired[0].name
+
+    def promises_freely(self, port: OutputPort) -> bool:
+        """Whether the port's bound may follow the inputs' bounds, beyond the rows stepped."""
+        return port.by_step and not port.by_finish and not self.lookback
+
+    def failure(self, what: str, t: Any, error: BaseException) -> NodeFailure:
+        """Return the error to raise when the plugin raised: node, stamp, inputs, and cause."""
+        inputs = ", ".join(f"{port}={wire}" for port, wire in self.wires.items())
+        failure = NodeFailure(
+            f"node '{self.name}' ({type(self.plugin).__name__}.{what}) failed at t={t}"
+            f"{f' on {inputs}' if inputs else ''}: {type(error).__name__}: {error}"
+        )
+        failure.__cause__ = error
+        return failure
+
+    def broken(self, port: str, rule: str) -> ContractError:
+        """Return the error to raise when the node broke a rule of event time."""
+        return ContractError(
+            f"node '{self.name}' ({type(self.plugin).__name__}) broke the contract of port "
+            f"'{port}': {rule}"
+        )
+
+
+class Plan:
+    """A graph with live nodes, ready for a driver.
+
+    Attributes:
+        graph: the description.
+        nodes: in an order in which each comes after those it reads from (delayed inputs aside).
+        taps: who else gets the messages of a port.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        names, left = order(graph.nodes)
+        if left:
+            raise ContractError(f"nodes on a cycle that no delayed Hold closes: {', '.join(left)}")
+        self.nodes = {name: PlanNode(graph.nodes[name]) for name in names}
+        self.taps: dict[Wire, list[Tap]] = {wire: [] for wire in graph.streams()}
+
+    @property
+    def sources(self) -> list[PlanNode]:
+        """The source nodes, in the order of the file."""
+        return [self.nodes[name] for name in self.graph.nodes if self.nodes[name].spec.is_source]
+
+    @property
+    def lossless(self) -> bool:
+        """Whether no source lost a message that the graph does not allow to lose."""
+        return not any(
+            count and why not in node.allow
+            for node in self.sources
+            for why, count in node.counters.lost.items()
+        )
+
+    def tap(self, wire: Wire, tap: Tap) -> None:
+        """Let `tap` have every message of a port, from the start of the run on."""
+        self.taps[wire].append(tap)
+
+    def start(self) -> None:
+        """Give every node a fresh state."""
+        for node in self.nodes.values():
+            try:
+                node.plugin.start()
+            except Exception as error:
+                raise node.failure("start", "the start", error) from error
+
+
+def check_output(node: PlanNode, port: OutputPort, message: Any) -> None:
+    """Look at an output in full: its type, shapes and form.
+
+    Raises:
+        ContractError: it is not what the port declares.
+    """
+    if type(message) is not port.type:
+        raise node.broken(
+            port.name, f"it must send {port.type.__name__}, got {type(message).__name__}"
+        )
+    try:
+        message.validate()
+    except Exception as error:
+        raise node.broken(port.name, str(error)) from error
+
+
+def check_sample(
+    node: PlanNode, port: OutputPort, message: Any, earliest: int, *, thorough: bool
+) -> None:
+    """Look at what a sample step sent: type, form, and stamp against its row.
+
+    Raises:
+        ContractError: the rule that it broke.
+    """
+    if thorough or type(message) is not port.type or type(message.t) is not int:
+        check_output(node, port, message)
+        if message.is_block:
+            raise node.broken(port.name, "a sample step must send samples, got a block")
+    if message.t < earliest:
+        raise node.broken(
+            port.name,
+            f"stamp {message.t} lies before its row minus the lookback of {node.lookback} ns",
+        )
+
+
+def last_words(node: PlanNode, outputs: Sequence[Any], returned: Any) -> list[tuple[Any, Any]]:
+    """Return what `finish` returned as (output, message) pairs, looked at in full."""
+    if returned is None:
+        return []
+    by_name = {output.port.name: output for output in outputs if output.port.by_finish}
+    if isinstance(returned, Message) and len(by_name) == 1:
+        pairs = [(*by_name.values(), returned)]
+    elif hasattr(returned, "_fields") and set(returned._fields) <= set(by_name):
+        named = zip(returned._fields, returned, strict=True)
+        pairs = [(by_name[name], message) for name, message in named if message is not None]
+    else:
+        raise node.broken(", ".join(by_name) or "(none)", f"finish returned {returned!r}")
+    for output, message in pairs:
+        check_output(node, output.port, message)
+    return pairs
