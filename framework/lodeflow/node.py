@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import logging
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -70,9 +70,15 @@ class NodeSpec:
 
 
 class _Plugin:
-    """What nodes and sources share: parameters, a logger, a fresh start."""
+    """What nodes and sources share: parameters, a logger, a fresh start.
+
+    Attributes:
+        Params: the parameters; the base has none.
+        example: values for parameters without default, for documentation and `check_node`.
+    """
 
     Params: ClassVar[type[BaseParams]] = BaseParams
+    example: ClassVar[Mapping[str, Any]] = {}
     spec: ClassVar[NodeSpec]
 
     def __init__(self, params: BaseParams | None = None, *, name: str = "") -> None:

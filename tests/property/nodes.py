@@ -116,6 +116,21 @@ class Delayer(Single):
         return None if self.t is None else Value(self.t - 2, self.state)
 
 
+class Closer(Single):
+    """Silent for most rows, and speaks once more at its last row."""
+
+    def start(self) -> None:
+        self.state, self.t = 1, None
+
+    def step(self, x: Value) -> Value | None:
+        self.state = mix(self.state, x.value)
+        self.t = x.t if self.state % 3 else None
+        return None if self.state % 3 else Value(x.t, self.state)
+
+    def finish(self) -> Value | None:
+        return None if self.t is None else Value(self.t, self.state)
+
+
 class Ahead(Single):
     """Stamps ahead of its rows."""
 
@@ -291,7 +306,7 @@ class Given(lf.Source):
 
 
 SINGLES = [
-    Affine, AffineBlock, Silent, Thinner, Doubler, Delayer, Ahead, Splitter, Switcher, Totaller,
+    Affine, AffineBlock, Silent, Thinner, Doubler, Delayer, Closer, Ahead, Splitter, Switcher, Totaller,
 ]  # fmt: skip
 JOINS = [
     ExactPair, ExactTriple, NearestPair, NearestTriple, HoldPair, HoldInitial, HoldBlock, HoldGaps,

@@ -94,7 +94,7 @@ class BlockNode:
             if self.node.promises_freely(output.port):
                 output.promise(floor)
             elif output.port.by_step and self.last_row > NEVER:
-                output.promise(self.last_row + 1 - self.node.lookback)
+                output.promise(self.node.bound_after(output.port, self.last_row))
         if floor == END and not self.finished:
             self._finish()
 

@@ -48,7 +48,18 @@ class Engine:
         self.wake = threading.Event()
         self.live = [n for n in plan.sources if max_delay(n) is not None]
         self.clock: Clock = WallClock() if self.live else SimClock()
+        self.first: int | None = None
+        self.reached = self.clock.start
         self.until = END if duration is None else self.clock.start + duration
+
+    @property
+    def span(self) -> int:
+        """Event time from the first stamp that a source sent to the last, in nanoseconds."""
+        return 0 if self.first is None else self.reached - self.first
+
+    def _saw(self, first: int, last: int) -> None:
+        self.first = first if self.first is None else min(self.first, first)
+        self.reached = max(self.reached, last)
 
     def stop(self) -> None:
         """End all sources at the next look; what is on its way is finished. Safe in a signal."""
@@ -81,7 +92,9 @@ class Engine:
                 reached[name] = batch.bound
                 if batch.bound == END:
                     del reached[name]
-                self.watch(min(reached.values(), default=END))
+                for _, block in batch.blocks:
+                    self._saw(int(block.t[0]), int(block.t[-1]))
+                self.watch(self.reached)
         finally:
             for feed in feeds.values():
                 feed.close()  # type: ignore[attr-defined]
@@ -89,8 +102,8 @@ class Engine:
 
     def _run_samples(self) -> None:
         driver = SampleDriver(self.plan)
-        waiting = [_Paced(node, self.clock, self.until) for node in self.plan.sources]
-        files = [feed for feed in waiting if feed.node not in self.live]
+        at_rest = [node for node in self.plan.sources if node not in self.live]
+        files = [_Paced(node, self.clock, self.until) for node in at_rest]
         live = [LiveFeed(node, self.clock, self.wake) for node in self.live]
         pacer = Pacer(1.0 if self.speed is None else self.speed)
         for feed in live:
@@ -114,24 +127,32 @@ class Engine:
         while (files or live) and not self.stopping.is_set():
             for inbox in live:
                 for batch in inbox.drain():
-                    _push_rows(driver, inbox.node.name, batch)
+                    self._push_rows(driver, inbox.node.name, batch)
             live = [inbox for inbox in live if inbox.intake.floor < END]
             due = min(files, key=lambda feed: feed.t, default=None)
             wait = TICK if due is None else pacer.remaining(due.t)
             if due is not None and wait <= 0:
+                self._saw(due.t, due.t)
                 due.push(driver)
                 if due.t == END:
                     files.remove(due)
                 wait = 0.0
-            driver.count()
-            self.watch(due.t if due is not None else self.clock.now())
+            self.watch(self.reached)
             if wait > 0:
+                driver.count()
                 self.wake.wait(min(wait, TICK))
                 self.wake.clear()
         for feed in files:
             driver.promise(feed.node.name, END)
         for inbox in live:
             driver.promise(inbox.node.name, END)
+
+    def _push_rows(self, driver: SampleDriver, source: str, batch: Batch) -> None:
+        for t, messages in _by_stamp(batch):
+            self._saw(t, t)
+            for port, sample in messages:
+                driver.push(source, port, sample)
+        driver.promise(source, batch.bound)
 
 
 class _Paced:
@@ -184,13 +205,6 @@ def _by_stamp(batch: Batch) -> Iterator[tuple[int, list[tuple[int, Any]]]]:
             if index < len(block.t) and block.t[index] == t:
                 found.append((port, block.row(index)))
         yield t, found
-
-
-def _push_rows(driver: SampleDriver, source: str, batch: Batch) -> None:
-    for _, messages in _by_stamp(batch):
-        for port, sample in messages:
-            driver.push(source, port, sample)
-    driver.promise(source, batch.bound)
 
 
 def _all_ended(unfinished: list[str]) -> None:

@@ -28,6 +28,7 @@ class Join:
     def __init__(self, node: PlanNode, run: Run, move: Callable[[int], None], hears: bool) -> None:
         names = [port.name for port in node.wired]
         self.counters = node.counters
+        self.led = not isinstance(node.sync, Each)
         self.lead = names.index(node.lead)
         self.others = [i for i in range(len(names)) if i != self.lead]
         self.queues: list[deque[Any]] = [deque() for _ in names]
@@ -57,10 +58,13 @@ class Join:
 
     def _advancer(self, index: int) -> Callable[[int], None]:
         bounds, pump = self.bounds, self.pump
+        queues, idle = self.queues, index != self.lead and self.led
 
         def advance(bound: int) -> None:
             if bound > bounds[index]:
                 bounds[index] = bound
+                if idle and bound < END and not queues[self.lead]:
+                    return  # no row waits for it, and the floor is the lead's
                 pump()
 
         return advance
@@ -73,9 +77,12 @@ class Join:
         self.busy = True
         while True:
             self.again = False
-            self.decide()
+            if self.queues[self.lead] or not self.led:
+                self.decide()
             if self.gates:
                 self._release()
+            if self.again:  # more came over a cycle: no promise before that is decided
+                continue
             floor = self.pending[0][0] if self.pending else self.floor()
             if floor > self.moved:
                 self.moved = floor
@@ -147,6 +154,11 @@ class _Gate:
 class ExactJoin(Join):
     """Stamps that all inputs share."""
 
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        if len(self.queues) == 2:
+            self.decide = self._decide_two  # type: ignore[method-assign]
+
     def decide(self) -> None:
         lead, bounds, queues = self.queues[0], self.bounds, self.queues
         while lead:
@@ -165,8 +177,26 @@ class ExactJoin(Join):
             else:
                 self.deliver(t, tuple([queue.popleft() for queue in queues]))
 
+    def _decide_two(self) -> None:
+        """The common case, the same rule."""
+        lead, other = self.queues
+        while lead:
+            t = lead[0].t
+            while other and other[0].t < t:
+                other.popleft()
+            if other and other[0].t == t:
+                self.deliver(t, (lead.popleft(), other.popleft()))
+            elif self.bounds[1] <= t:
+                return
+            else:
+                lead.popleft()
+                self.counters.unmatched += 1
+
     def floor(self) -> int:
-        floor = super().floor()
+        queue = self.queues[0]
+        floor: int = queue[0].t if queue else self.bounds[0]
+        if END not in self.bounds:
+            return floor
         for i, queue in enumerate(self.queues):
             if self.bounds[i] == END:
                 while queue and queue[0].t < floor:

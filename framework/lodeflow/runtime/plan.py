@@ -79,6 +79,11 @@ class PlanNode:
         """Whether the port's bound may follow the inputs' bounds, beyond the rows stepped."""
         return port.by_step and not port.by_finish and not self.lookback
 
+    def bound_after(self, port: OutputPort, row: int) -> int:
+        """Return the bound that a stepped row gives a port that does not promise freely."""
+        # Last words may still carry the stamp of the last row.
+        return row - self.lookback + (0 if port.by_finish else 1)
+
     def failure(self, what: str, t: Any, error: BaseException) -> NodeFailure:
         """Return the error to raise when the plugin raised: node, stamp, inputs, and cause."""
         inputs = ", ".join(f"{port}={wire}" for port, wire in self.wires.items())

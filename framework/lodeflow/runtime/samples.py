@@ -23,16 +23,24 @@ Advance = Callable[[int], None]
 
 
 class Output:
-    """An output port: the calls that its messages and bounds lead to."""
+    """An output port: the calls that its messages and bounds lead to.
+
+    Attributes:
+        bound: no later message has a stamp below it; a message at t has moved it to t + 1.
+        sent: messages sent.
+        listeners: readers that need to hear of every bound.
+        enders: the other readers; they hear of the end alone.
+    """
+
+    __slots__ = ("bound", "calls", "enders", "listeners", "node", "port", "sent")
 
     def __init__(self, node: PlanNode, port: OutputPort, taps: Sequence[Tap]) -> None:
         self.node = node
         self.port = port
-        self.last = NEVER
         self.bound = NEVER
         self.sent = 0
-        self.listeners: list[Advance] = []  # readers that need to hear of every bound
-        self.enders: list[Advance] = []  # readers that need to hear of the end alone
+        self.listeners: list[Advance] = []
+        self.enders: list[Advance] = []
         self.calls: list[Accept] = list(taps)
 
     def connect(self, accept: Accept, advance: Advance, *, hears: bool) -> None:
@@ -50,19 +58,29 @@ class Output:
                 for advance in self.enders:
                     advance(bound)
 
-    def sender(self) -> Accept:
-        """Return the call that sends a sample; all readers are connected by now."""
-        forward = _fan(self.calls)
+    def sender(self) -> Callable[[Any, int], None]:
+        """Return the call that sends a sample for a row at some stamp.
 
-        def send(message: Any) -> None:
+        All readers are connected by now. The first message is looked at in full, later ones as
+        far as is cheap: their type and their stamp.
+        """
+        forward = _fan(self.calls)
+        kind, lookback = self.port.type, self.node.lookback
+        expected: type[Message] | None = None
+
+        def send(message: Any, row: int) -> None:
+            nonlocal expected
+            if type(message) is not expected:
+                check_sample(self.node, self.port, message, row - lookback, thorough=True)
+                expected = kind
             t = message.t
-            if t <= self.last:
+            if type(t) is not int or t < self.bound or t < row - lookback:
+                check_sample(self.node, self.port, message, row - lookback, thorough=True)
                 raise self.node.broken(
-                    self.port.name, f"stamps must strictly increase, got {t} after {self.last}"
+                    self.port.name,
+                    f"stamps must strictly increase, got {t} where {self.bound} is the least",
                 )
-            self.last = t
-            if t >= self.bound:
-                self.bound = t + 1  # the message itself tells its readers
+            self.bound = t + 1  # the message itself tells its readers
             self.sent += 1
             forward(message)
 
@@ -75,6 +93,14 @@ def _fan(calls: list[Accept]) -> Accept:
         return lambda message: None
     if len(calls) == 1:
         return calls[0]
+    if len(calls) == 2:
+        first, second = calls
+
+        def both(message: Any) -> None:
+            first(message)
+            second(message)
+
+        return both
     everyone = tuple(calls)
 
     def each(message: Any) -> None:
@@ -93,12 +119,14 @@ class SampleNode:
             Output(node, port, taps[Wire(node.name, port.name)]) for port in node.spec.outputs
         ]
         self.stepped = [output for output in self.outputs if output.port.by_step]
+        self.free = [o for o in self.outputs if node.promises_freely(o.port)]
+        self.tied = [o for o in self.stepped if o not in self.free]
         self.ended = False
         self.last_row = NEVER
         self.joins = node.sync is not None or bool(node.gates)
         self.accept: list[Accept] = []
         self.advance: list[Advance] = []
-        self.senders: list[Accept] = []
+        self.senders: dict[str, Callable[[Any, int], None]] = {}
 
     def compile(self, *, hears: bool) -> None:
         """Make the closures, once all readers are connected.
@@ -106,67 +134,78 @@ class SampleNode:
         Args:
             hears: whether this node, or one downstream, waits for bounds.
         """
-        self.senders = [output.sender() for output in self.outputs]
+        self.senders = {output.port.name: output.sender() for output in self.outputs}
         if self.node.spec.is_source:
             return
+        run = self._run()
         if self.joins:
-            join = make_join(self.node, self._run(), self.move, hears=hears)
+            join = make_join(self.node, run, self.move, hears=hears)
             self.accept, self.advance = join.accept, join.advance
             return
-        single = len(self.stepped) == 1 and not self.node.spec.step_tuple
-        if single and len(self.node.spec.inputs) == 1:
-            self.accept = [self._direct(hears)]
-        else:
-            self.accept = [self._alone(hears)]
-        self.advance = [self.move]
-
-    def _direct(self, hears: bool) -> Accept:
-        """Return the path of one input and one output: every nanosecond counts here."""
-        node = self.node
-        (output,) = self.stepped
-        send = self.senders[self.outputs.index(output)]
-        kind = output.port.type
-        step, emit, move = self._sample_step(), self._emit, self.move
-        counters, lookback = node.counters, node.lookback
-        fresh = True
+        move, lone = self.move, self.free[0] if len(self.outputs) == len(self.free) == 1 else None
 
         def accept(message: Any) -> None:
-            nonlocal fresh
+            row = message.t
+            run(row, (message,))
+            if not lone or lone.bound <= row:  # else its message has said it
+                move(row + 1)
+
+        def accept_deaf(message: Any) -> None:
+            run(message.t, (message,))
+
+        self.accept, self.advance = [accept if hears else accept_deaf], [move]
+        single = len(self.stepped) == len(self.outputs) == 1 and not self.node.spec.step_tuple
+        if single and not hears and self.node.spec.has_step and len(self.node.spec.inputs) == 1:
+            self.accept = [self._direct()]
+
+    def _direct(self) -> Accept:
+        """Return the path of one input and one output: every nanosecond counts here.
+
+        It is `_run` and `Output.sender` in one call, with the same checks.
+        """
+        node, (output,) = self.node, self.outputs
+        send, step, counters = self.senders[output.port.name], self._sample_step(), node.counters
+        forward, lookback, kind = _fan(output.calls), node.lookback, output.port.type
+        expected: type[Message] | None = None
+
+        def accept(message: Any) -> None:
+            nonlocal expected
             row = self.last_row = message.t
             counters.stepped += 1
             try:
                 out = step(message)
             except Exception as error:
                 raise node.failure("step", row, error) from error
-            if out is not None:
-                if fresh or type(out) is not kind or out.t < row - lookback:
-                    emit(0, out, row)  # the thorough way, which finds what is wrong
-                    fresh = False
-                else:
-                    send(out)
-            if hears:
-                move(row + 1)
-
-        return accept
-
-    def _alone(self, hears: bool) -> Accept:
-        """Return the path of one wired input."""
-        run, move = self._run(), self.move
-
-        def accept(message: Any) -> None:
-            run(message.t, (message,))
-            if hears:
-                move(message.t + 1)
+            if out is None:
+                return
+            t = out.t if type(out) is expected else None
+            if type(t) is not int or t < output.bound or t < row - lookback:
+                send(out, row)  # the first message, or one that is wrong
+                expected = kind
+                return
+            output.bound = t + 1
+            output.sent += 1
+            forward(out)
 
         return accept
 
     def _run(self) -> Callable[[int, tuple[Any, ...]], None]:
         """Return the call that steps one aligned row and sends what comes of it."""
-        node, stepped, emit = self.node, self.stepped, self._emit
+        node = self.node
         step = self._sample_step()
         wired = [port.name in node.wires for port in node.spec.inputs]
         complete, is_tuple = all(wired), node.spec.step_tuple
         counters = node.counters
+        senders = [self.senders[output.port.name] for output in self.stepped]
+        names = ", ".join(output.port.name for output in self.stepped) or "(none)"
+        samples_only = node.spec.has_step
+
+        def emit(send: Callable[[Any, int], None], message: Any, t: int) -> None:
+            if type(message) is not list or samples_only:
+                send(message, t)
+            else:
+                for sample in message:
+                    send(sample, t)
 
         def run(t: int, samples: tuple[Any, ...]) -> None:
             self.last_row = t
@@ -181,28 +220,17 @@ class SampleNode:
             if returned is None:
                 return
             if not is_tuple:
-                emit(0, returned, t)
+                if not senders:
+                    raise node.broken(names, f"it declares no output, got {returned!r}")
+                emit(senders[0], returned, t)
                 return
-            if not isinstance(returned, tuple) or len(returned) != len(stepped):
-                names = ", ".join(output.port.name for output in stepped)
+            if not isinstance(returned, tuple) or len(returned) != len(senders):
                 raise node.broken(names, f"it must return these ports, got {returned!r}")
-            for index, message in enumerate(returned):
+            for send, message in zip(senders, returned):  # noqa: B905 (the lengths are equal)
                 if message is not None:
-                    emit(index, message, t)
+                    emit(send, message, t)
 
         return run
-
-    def _emit(self, index: int, message: Any, row: int) -> None:
-        """Check and send what a step gave for the port `index` of those that steps write."""
-        if not self.stepped:
-            raise self.node.broken("(none)", f"it declares no output, got {message!r}")
-        output = self.stepped[index]
-        earliest = row - self.node.lookback
-        send = self.senders[self.outputs.index(output)]
-        for sample in message if type(message) is list else (message,):
-            thorough = output.last == NEVER
-            check_sample(self.node, output.port, sample, earliest, thorough=thorough)
-            send(sample)
 
     def _sample_step(self) -> Callable[..., Any]:
         """Return a step on samples, whichever form the plugin has.
@@ -243,16 +271,22 @@ class SampleNode:
 
     def move(self, floor: int) -> None:
         """Pass on that no later row will have a stamp below `floor`."""
-        for output in self.outputs:
-            if self.node.promises_freely(output.port):
-                output.promise(floor)
-            elif output.port.by_step and self.last_row > NEVER:
-                output.promise(self.last_row + 1 - self.node.lookback)
-        if floor == END and not self.ended:
-            self.ended = True
-            self._finish()
+        if floor == END:
+            self._end()
+            return
+        for output in self.free:
+            if floor > output.bound:
+                output.bound = floor
+                for advance in output.listeners:
+                    advance(floor)
+        if self.tied and self.last_row > NEVER:
+            for output in self.tied:
+                output.promise(self.node.bound_after(output.port, self.last_row))
 
-    def _finish(self) -> None:
+    def _end(self) -> None:
+        if self.ended:
+            return
+        self.ended = True
         finish = getattr(self.node.plugin, "finish", None)
         if finish is not None:
             try:
@@ -264,9 +298,7 @@ class SampleNode:
                 for i in range(len(rows)):
                     sample = rows.row(i)
                     row = self.last_row if self.last_row > NEVER else sample.t
-                    earliest = row - self.node.lookback
-                    check_sample(self.node, output.port, sample, earliest, thorough=False)
-                    self.senders[self.outputs.index(output)](sample)
+                    self.senders[output.port.name](sample, row)
         for output in self.outputs:
             output.promise(END)
 
@@ -300,6 +332,11 @@ class SampleDriver:
                         hears=other.node.name in hearing,
                     )
             node.compile(hears=name in hearing)
+        self.pushes = {
+            name: list(node.senders.values())
+            for name, node in self.nodes.items()
+            if node.node.spec.is_source
+        }
 
     def _readers(self, node: SampleNode) -> Iterator[tuple[SampleNode, Output, int]]:
         """Yield who reads the outputs of a node, which output, and at which of their inputs."""
@@ -313,7 +350,7 @@ class SampleDriver:
 
     def push(self, source: str, port: int, sample: Any) -> None:
         """Bring in one sample of a source."""
-        self.nodes[source].senders[port](sample)
+        self.pushes[source][port](sample, sample.t)
 
     def promise(self, source: str, bound: int) -> None:
         """Say that nothing below `bound` will come on any port of a source."""

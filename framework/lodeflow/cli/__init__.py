@@ -1,0 +1,72 @@
+"""The command line: one module per command, imported when it is called."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any
+
+import click
+
+from lodeflow.errors import GraphError, LodeflowError, NodeError
+from lodeflow.registry import load_object, registry
+
+COMMANDS: dict[str, str] = {
+    "run": "Run a graph and record it.",
+    "check": "Check graph files: all errors, each with its place.",
+    "graph": "Draw a graph.",
+    "explain": "Say where a parameter of a graph gets its value.",
+    "schema": "Print a JSON Schema of graph files, for editors.",
+    "nodes": "List the installed plugins, or document one.",
+    "new": "Write a plugin package with a passing test.",
+    "import": "Turn a file of sensor data into a recording.",
+}
+
+
+class Commands(click.Group):
+    """Loads a command's module only when it is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [*COMMANDS, *registry().commands]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in COMMANDS:
+            module = importlib.import_module(f"lodeflow.cli.{cmd_name}_command")
+            command: click.Command = module.command
+            return command
+        if cmd_name in registry().commands:
+            found: click.Command = load_object(registry().commands[cmd_name].path)
+            return found
+        return None
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        # The texts stand here, so that --help imports no command.
+        rows = [*COMMANDS.items(), *[(n, e.package) for n, e in registry().commands.items()]]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="lodeflow")
+def cli() -> None:
+    """Dataflow of small typed plugins, for heading and orientation sensing."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; exit 0 good, 1 failed, 2 wrong usage or graph, 130 Ctrl-C."""
+    try:
+        code: Any = cli.main(arguments, prog_name="lodeflow", standalone_mode=False)
+    except click.exceptions.Abort:
+        code = 130
+    except click.ClickException as error:
+        error.show()
+        code = 2
+    except (GraphError, NodeError) as error:
+        click.echo(str(error), err=True)
+        code = 2
+    except LodeflowError as error:
+        click.echo(f"lodeflow: {error}", err=True)
+        code = 1
+    except KeyboardInterrupt:
+        code = 130
+    sys.exit(code if isinstance(code, int) else 0)

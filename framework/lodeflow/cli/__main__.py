@@ -1,0 +1,5 @@
+"""`python -m lodeflow.cli`."""
+
+from lodeflow.cli import main
+
+main()

@@ -1,0 +1,29 @@
+"""`lodeflow check`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lodeflow.cli.options import overrides
+from lodeflow.errors import GraphError
+from lodeflow.graph import load_graph
+
+
+@click.command()
+@click.argument("graphs", nargs=-1, required=True, type=click.Path(dir_okay=False, path_type=Path))
+@overrides
+def command(graphs: tuple[Path, ...], overrides: dict[str, Any]) -> int:
+    """Check graph files: all errors, each with its place. Exit 1 if there are any."""
+    problems = 0
+    for path in graphs:
+        try:
+            graph = load_graph(path, **overrides)
+        except GraphError as error:
+            click.echo(str(error), err=True)
+            problems += len(error.problems)
+        else:
+            click.echo(f"{path}: {len(graph.nodes)} nodes, good")
+    return 1 if problems else 0

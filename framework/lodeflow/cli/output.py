@@ -1,0 +1,67 @@
+"""What commands print: results to standard output, everything else to standard error."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from lodeflow.messages.message import Message
+from lodeflow.messages.units import Radian
+
+RESULT = Console(highlight=False)
+STATUS = Console(stderr=True, highlight=False)
+
+
+def print_json(value: Any) -> None:
+    """Print one JSON object on standard output; NaN becomes null."""
+    click.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False, default=str))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _finite(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def table(*columns: str) -> Table:
+    """Return an empty table; columns whose name begins with ">" are right-aligned."""
+    made = Table(box=None, pad_edge=False, header_style="bold")
+    for column in columns:
+        made.add_column(
+            column.removeprefix(">"), justify="right" if column.startswith(">") else "left"
+        )
+    return made
+
+
+def score_lines(name: str, score: Message) -> list[tuple[str, str]]:
+    """Return a score as (what, value) rows, angles in degrees."""
+    rows = []
+    for field, value in zip(score.fields, score.values(), strict=True):
+        if field.unit is Radian:
+            text = f"{math.degrees(value):.3f}°"
+        elif field.integer:
+            text = str(value)
+        else:
+            text = f"{value:.6g} {field.unit.symbol}".rstrip()
+        rows.append((f"{name}: {field.name.replace('_', ' ')}", text))
+    return rows
+
+
+def log_to_stderr() -> None:
+    """Show what nodes log."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(name)s: %(levelname)s: %(message)s"))
+    logger = logging.getLogger("lodeflow")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
