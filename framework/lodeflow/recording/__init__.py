@@ -1,0 +1,1 @@
+"""Recordings: MCAP files of ROS 2 messages, written and read as columns."""

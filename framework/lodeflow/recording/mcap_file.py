@@ -1,0 +1,239 @@
+"""A closed MCAP file: its summary, and the records and chunks that the summary points at."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import os
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import zstandard
+from mcap import records as mcap
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.stream_reader import StreamReader
+from numpy.typing import NDArray
+
+from lodeflow.errors import RecordingError
+from lodeflow.recording.mcap_records import INDEX_LAYOUT, MAGIC, PREFIX, Op
+
+R = TypeVar("R")
+
+LARGEST_CHUNK = 1 << 30
+"""Bytes of a chunk that are taken into memory; a damaged file may ask for any number."""
+
+_TAIL = struct.Struct("<BQQQI8s")  # footer: prefix, summary, summary offsets, CRC; magic
+_CHUNK = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of a name
+
+
+class McapFile:
+    """Random access to a closed MCAP file. What it reads it checks: opcodes, lengths and CRCs.
+
+    Attributes:
+        path: the file.
+        schemas: by id.
+        channels: in the order of their ids.
+        counts: messages of each channel id.
+        chunks: index entries, in the order of the file.
+        attachments: index entries, in the order of the file.
+        metadata: index entries, in the order of the file.
+
+    Raises:
+        RecordingError: there is no such file, it is no MCAP, it was not closed, or it is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.schemas: dict[int, mcap.Schema] = {}
+        self.channels: list[mcap.Channel] = []
+        self.counts: dict[int, int] = {}
+        self.chunks: list[mcap.ChunkIndex] = []
+        self.attachments: list[mcap.AttachmentIndex] = []
+        self.metadata: list[mcap.MetadataIndex] = []
+        self._last: tuple[int, bytes] = (-1, b"")
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise self.error(f"cannot be read: {error.strerror}") from error
+        try:
+            self._size = os.fstat(self._file.fileno()).st_size
+            self._open()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+        self._last = (-1, b"")
+
+    def error(self, what: str) -> RecordingError:
+        """Return the error to raise about this file."""
+        return RecordingError(f"{self.path}: {what}")
+
+    def record(self, op: Op, offset: int) -> bytes:
+        """Return the body of the record at an offset.
+
+        Raises:
+            RecordingError: there is no whole record of that kind.
+        """
+        what = f"there should be a {op.name.lower().replace('_', ' ')} at byte {offset}"
+        if offset + PREFIX.size > self._size:
+            raise self.error(f"is cut off or damaged: {what}, beyond its end")
+        found, length = PREFIX.unpack(self._bytes(offset, PREFIX.size))
+        if found != op or offset + PREFIX.size + length > self._size:
+            raise self.error(f"is damaged: {what}")
+        return self._bytes(offset + PREFIX.size, length)
+
+    def parsed(self, read: Callable[[ReadDataStream], R], body: bytes) -> R:
+        """Return a record as the mcap package reads it.
+
+        Raises:
+            RecordingError: it is damaged.
+        """
+        try:
+            return read(ReadDataStream(io.BytesIO(body)))
+        except (McapError, struct.error, ValueError, OverflowError) as error:
+            raise self.error(f"is damaged: {type(error).__name__}: {error}") from error
+
+    def index(self, place: mcap.ChunkIndex, channel: int) -> NDArray[Any]:
+        """Return log times and offsets of a channel's messages in a chunk, as INDEX_LAYOUT.
+
+        Raises:
+            RecordingError: the index is damaged.
+        """
+        if channel not in place.message_index_offsets:
+            return np.empty(0, INDEX_LAYOUT)
+        body = self.record(Op.MESSAGE_INDEX, place.message_index_offsets[channel])
+        head = struct.pack("<HI", channel, len(body) - 6) if len(body) >= 6 else b""
+        if body[:6] != head or (len(body) - 6) % INDEX_LAYOUT.itemsize:
+            raise self.error(f"the message index of {where(place)} is damaged")
+        return np.frombuffer(body, INDEX_LAYOUT, offset=6)
+
+    def chunk(self, place: mcap.ChunkIndex) -> bytes:
+        """Return the records in a chunk, decompressed; the last one is kept at hand.
+
+        Raises:
+            RecordingError: the chunk is damaged, or its compression is unknown.
+        """
+        at, raw = self._last
+        if at != place.chunk_start_offset:
+            self._last = (-1, b"")  # never two of them in memory
+            raw = self._unpack(place)
+            self._last = (place.chunk_start_offset, raw)
+        return raw
+
+    def _unpack(self, place: mcap.ChunkIndex) -> bytes:
+        body = self.record(Op.CHUNK, place.chunk_start_offset)
+        try:
+            _, _, size, crc, name_length = _CHUNK.unpack_from(body)
+            at = _CHUNK.size + name_length
+            compression = body[_CHUNK.size : at].decode()
+            (packed_size,) = struct.unpack_from("<Q", body, at)
+        except (struct.error, ValueError) as error:
+            raise self.error(f"{where(place)} is damaged: {error}") from error
+        packed = memoryview(body)[at + 8 :]
+        if len(packed) != packed_size:
+            raise self.error(f"{where(place)} is damaged: its length differs")
+        if size > LARGEST_CHUNK:
+            raise self.error(f"{where(place)} has {size} bytes; at most {LARGEST_CHUNK} are read")
+        try:
+            raw = _decompress(compression, packed, size)
+        except (zstandard.ZstdError, RuntimeError, ValueError) as error:  # lz4: RuntimeError
+            raise self.error(f"{where(place)} does not decompress: {error}") from error
+        if len(raw) != size:
+            raise self.error(f"{where(place)} is damaged: {len(raw)} bytes instead of {size}")
+        if crc and zlib.crc32(raw) != crc:
+            raise self.error(f"{where(place)} is damaged: its CRC differs")
+        return raw
+
+    def _open(self) -> None:
+        if not self._size:
+            raise self.error("is empty")
+        if self._bytes(0, min(self._size, len(MAGIC))) != MAGIC[: self._size]:
+            raise self.error("is no MCAP file")
+        tail = self._bytes(self._size - _TAIL.size, _TAIL.size) if self._size > _TAIL.size else b""
+        if not tail.endswith(MAGIC):
+            raise self.error(
+                "was not closed: its end is missing. What wrote it was killed or still writes, or "
+                "this is half of a copy"
+            )
+        op, length, start, _, crc, _ = _TAIL.unpack(tail)
+        if op != Op.FOOTER or length != 20 or start > self._size - _TAIL.size:
+            raise self.error("is damaged: its footer is wrong")
+        if not start:
+            raise self.error("has no summary; the command 'mcap sort' writes it anew with one")
+        summary = self._bytes(start, self._size - start)
+        if crc and zlib.crc32(summary[: -len(MAGIC) - 4]) != crc:
+            raise self.error("is damaged: the CRC of its summary differs")
+        self._take(summary)
+
+    def _take(self, summary: bytes) -> None:
+        channels: dict[int, mcap.Channel] = {}
+        statistics = None
+        try:
+            for record in StreamReader(io.BytesIO(summary), skip_magic=True).records:
+                match record:
+                    case mcap.Schema():
+                        self.schemas[record.id] = record
+                    case mcap.Channel():
+                        channels[record.id] = record
+                    case mcap.Statistics():
+                        statistics = record
+                    case mcap.ChunkIndex():
+                        self.chunks.append(record)
+                    case mcap.AttachmentIndex():
+                        self.attachments.append(record)
+                    case mcap.MetadataIndex():
+                        self.metadata.append(record)
+        except (McapError, struct.error, ValueError, OverflowError) as error:
+            raise self.error(f"its summary is damaged: {type(error).__name__}: {error}") from error
+        if statistics is None:
+            raise self.error("its summary has no statistics; 'mcap sort' writes the file anew")
+        self.counts = statistics.channel_message_counts
+        schemas = {channel.schema_id for channel in channels.values()} - {0}
+        if not (self.counts.keys() <= channels.keys() and schemas <= self.schemas.keys()):
+            raise self.error("its summary lacks channels; 'mcap sort' writes the file anew")
+        self.channels = sorted(channels.values(), key=lambda channel: channel.id)
+        self.chunks.sort(key=lambda place: place.chunk_start_offset)
+
+    def _bytes(self, offset: int, length: int) -> bytes:
+        try:
+            self._file.seek(offset)
+            data = self._file.read(length)
+        except (OSError, ValueError) as error:  # ValueError: it is closed
+            why = error.strerror if isinstance(error, OSError) else str(error)
+            raise self.error(f"cannot be read: {why}") from error
+        if len(data) != length:
+            raise self.error("was cut off while it was read")
+        return data
+
+
+def where(place: mcap.ChunkIndex) -> str:
+    """Return a chunk's place in the file, in words."""
+    return f"the chunk at byte {place.chunk_start_offset}"
+
+
+def _decompress(compression: str, packed: memoryview, size: int) -> bytes:
+    match compression:
+        case "":
+            return bytes(packed)
+        case "zstd":
+            # Without this check a damaged frame may ask for any amount of memory.
+            if zstandard.frame_content_size(packed) not in (-1, size):
+                raise ValueError("its size differs")
+            raw: bytes = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+            return raw
+        case "lz4":
+            try:
+                lz4 = importlib.import_module("lz4.frame")
+            except ImportError as error:
+                raise ValueError("it needs the package lz4; install it") from error
+            unpacked: bytes = lz4.LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
+            return unpacked
+    raise ValueError(f"its compression '{compression}' is unknown")

@@ -1,0 +1,201 @@
+"""One stream out of MCAP chunks: the gather of its records, and their columns."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lodeflow.errors import MessageError
+from lodeflow.messages.cdr import HEADER, Layout, layout_of, read_constants
+from lodeflow.messages.message import Message
+from lodeflow.messages.ros import PRIMITIVES, definition, full_name, leaves, members
+from lodeflow.recording.mcap_records import LOG_TIME_AT, PREFIX, Op, message_layout
+from lodeflow.sync import NEVER
+
+_LENGTH_AT, _CHANNEL_AT = 1, 9
+_DATA_AT = message_layout(0).itemsize
+_TEXT_AT = len(HEADER) + 8  # frame_id in a record, behind the stamp: its length, then its bytes
+_FRAME = "frame_id"
+
+log = logging.getLogger(__name__)
+
+
+class StreamDecoder:
+    """Decodes the messages of one topic, chunk after chunk.
+
+    Where a record ends and its members stand depends on the length of frame_id alone, so that
+    records of one length of frame_id are one gather and one block.
+
+    Attributes:
+        kind: type of the messages.
+        channels: ids of the channels of the topic.
+        count: messages decoded.
+    """
+
+    def __init__(self, kind: type[Message], channels: list[int]) -> None:
+        self.kind = kind
+        self.channels = channels
+        self.count = 0
+        self._last = NEVER
+        self._layouts: dict[tuple[int, int], tuple[Layout, np.dtype[Any]]] = {}
+        self._first: NDArray[Any] | None = None  # the constants of the first record
+        self._first_key = (0, 0)
+        self._frames = 0  # messages whose frame_id is not that of the first
+        self._values = 0  # messages whose other constants are not those of the first
+
+    def decode(self, raw: bytes, entries: NDArray[Any], channels: NDArray[Any]) -> Message:
+        """Return the messages at some places of a chunk as one block, in the order of stamps.
+
+        Args:
+            raw: the records of the chunk.
+            entries: (N,) INDEX_LAYOUT, N > 0.
+            channels: (N,) the channel id of each.
+
+        Raises:
+            MessageError: the index or a message is damaged; a stamp repeats, or goes back
+                behind the chunks before.
+        """
+        starts, sizes = _places(raw, entries, channels)
+        texts = _at(raw, _DATA_AT + _TEXT_AT, "<u4")[starts]
+        if (sizes == sizes[0]).all() and (texts == texts[0]).all():
+            block = self._columns(raw, starts, (int(sizes[0]), int(texts[0])))
+        else:
+            block = self._mixed(raw, starts, np.stack([sizes, texts], axis=1))
+        self.count += len(block)
+        return self._ordered(block)
+
+    def warn(self, where: str) -> None:
+        """Log how many messages differ from the first in what a stream keeps but once."""
+        if self._frames:
+            log.warning(
+                "%s: frame_id differs from that of the first message in %d of %d messages",
+                where, self._frames, self.count,
+            )  # fmt: skip
+        if self._values:
+            log.warning(
+                "%s: members that %s does not declare differ from those of the first message in "
+                "%d of %d messages, and are not kept",
+                where, self.kind.__name__, self._values, self.count,
+            )  # fmt: skip
+
+    def _mixed(self, raw: bytes, starts: NDArray[Any], keys: NDArray[Any]) -> Message:
+        """Decode records of several lengths: a block of each, put back in their order."""
+        unique, which = np.unique(keys, axis=0, return_inverse=True)
+        if self._first is None:  # what the others are compared to is the first, not the shortest
+            self._columns(raw, starts[:1], (int(keys[0, 0]), int(keys[0, 1])))
+        rows = [np.flatnonzero(which == group) for group in range(len(unique))]
+        blocks = [
+            self._columns(raw, starts[of], (size, text))
+            for of, (size, text) in zip(rows, unique.tolist(), strict=True)
+        ]
+        return self.kind.concat(blocks)[np.argsort(np.concatenate(rows))]
+
+    def _columns(self, raw: bytes, starts: NDArray[Any], key: tuple[int, int]) -> Message:
+        size, text = key
+        anywhere = np.ndarray(len(raw) - size + 1, f"V{size}", raw, strides=(1,))
+        records = anywhere[starts + _DATA_AT].view(np.uint8).reshape(-1, size)
+        if not (records[:, : len(HEADER)] == np.frombuffer(HEADER, np.uint8)).all():
+            raise MessageError("a message is not plain little-endian CDR")
+        if key not in self._layouts:
+            found = layout_of(self.kind, read_constants(self.kind, records[0].tobytes()))
+            self._layouts[key] = found, _constants_layout(found, text)
+        layout, undeclared = self._layouts[key]
+        constants = records.view(undeclared)[:, 0]
+        if self._first is None:
+            self._first, self._first_key = constants[:1].copy(), key
+        if key == self._first_key:
+            changed = {n: constants[n] != self._first[n] for n in undeclared.names or ()}
+            self._frames += int(changed.pop(_FRAME).sum())
+            if changed:
+                self._values += int(np.logical_or.reduce(list(changed.values())).sum())
+        else:
+            self._frames += len(records)
+        return layout.decode_block(records)
+
+    def _ordered(self, block: Message) -> Message:
+        t = block.t
+        if (t[1:] < t[:-1]).any():
+            block = block[np.argsort(t, kind="stable")]
+            t = block.t
+        twice = np.flatnonzero(t[1:] == t[:-1])
+        if len(twice):
+            raise MessageError(f"two messages have the stamp {t[twice[0]]} ns")
+        if t[0] <= self._last:
+            raise MessageError(
+                f"the stamp {t[0]} ns does not lie behind {self._last} ns, of an earlier chunk; "
+                "if its log times overlap, 'mcap sort' puts it in order"
+            )
+        self._last = int(t[-1])
+        return block
+
+
+def same_members(schema: bytes, kind: type[Message]) -> bool:
+    """Return whether a recorded `ros2msg` definition has the members of a type, in its order."""
+    top = schema.decode("utf-8", "replace").partition("=" * 80)[0]
+    try:
+        return _members(top) == _members(definition(kind))
+    except MessageError:
+        return False
+
+
+def _members(text: str) -> list[tuple[str, int | None, str]]:
+    return [
+        (name if name in PRIMITIVES or name == "string" else full_name(name), count, member)
+        for name, count, member in members(text)
+    ]
+
+
+def _constants_layout(layout: Layout, text: int) -> np.dtype[Any]:
+    """Return where frame_id and the undeclared members of a record stand, as bytes."""
+    undeclared = {path for path, _ in layout.constants.values}
+    places = [
+        (layout.offsets[leaf.path], PRIMITIVES[leaf.type][0] * (leaf.count or 1))
+        for leaf in leaves(definition(layout.kind))
+        if leaf.path in undeclared
+    ]
+    joined: list[tuple[int, int]] = []
+    for start, size in places:
+        if joined and sum(joined[-1]) == start:
+            start, size = joined[-1][0], joined.pop()[1] + size
+        joined.append((start, size))
+    return np.dtype(
+        {
+            "names": [_FRAME, *(f"at {start}" for start, _ in joined)],
+            "formats": [f"V{text}", *(f"V{size}" for _, size in joined)],
+            "offsets": [_TEXT_AT + 4, *(start for start, _ in joined)],
+            "itemsize": layout.size,
+        }
+    )
+
+
+def _places(
+    raw: bytes, entries: NDArray[Any], channels: NDArray[Any]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where message records start, and the sizes of their payloads.
+
+    No CRC guards a message index: its offsets are not followed out of the chunk.
+    """
+    last = max(len(raw) - _DATA_AT - _TEXT_AT - 4, -1)
+    if entries["offset"].max() > last:
+        raise MessageError("the message index is damaged, or a message is cut off")
+    starts = entries["offset"].astype(np.int64)
+    lengths = _at(raw, _LENGTH_AT, "<u8")[starts]
+    good = (np.frombuffer(raw, np.uint8)[starts] == Op.MESSAGE).all()
+    good = good and (_at(raw, _CHANNEL_AT, "<u2")[starts] == channels).all()
+    good = good and (_at(raw, LOG_TIME_AT, "<u8")[starts] == entries["log_time"]).all()
+    good = good and (lengths <= len(raw) - PREFIX.size - entries["offset"]).all()
+    if not good:
+        raise MessageError("the message index is damaged")
+    sizes = lengths.astype(np.int64) - (_DATA_AT - PREFIX.size)
+    if sizes.min() < _TEXT_AT + 4:
+        raise MessageError("a message is cut off")
+    return starts, sizes
+
+
+def _at(raw: bytes, offset: int, kind: str) -> NDArray[Any]:
+    """Return the numbers that begin `offset` bytes behind each byte, unaligned and not copied."""
+    size = np.dtype(kind).itemsize
+    return np.ndarray(len(raw) - offset - size + 1, kind, raw, offset, strides=(1,))

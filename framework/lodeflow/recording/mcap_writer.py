@@ -1,0 +1,297 @@
+"""Write MCAP as columns: a block of messages is one numpy assignment, whatever its length."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lodeflow.errors import RecordingError
+from lodeflow.recording import mcap_records as encode
+from lodeflow.recording.mcap_chunk import Chunk
+from lodeflow.recording.mcap_records import MAGIC, Op
+
+LARGEST_CHUNK = 1 << 30  # the writer and each reader hold a chunk in memory
+MOST_CHANNELS = (1 << 16) - 1
+
+
+class McapWriter:
+    """Writes MCAP as columns: N fixed-size messages of one channel at once, no per-message Python.
+
+    Each record goes to the operating system as soon as it is whole, so a killed process loses
+    the open chunk and nothing else; schemas and channels stand outside the chunks for the same
+    reason. Equal calls give equal bytes. For use by one thread at a time.
+
+    Args:
+        path: file to create; an existing file is never overwritten.
+        profile: MCAP profile; rosbags and rosbag2 read only "ros2".
+        library: what wrote the file, for the header.
+        compression: of the chunks; "lz4" needs the package lz4, "" stores them as they are.
+        chunk_bytes: size of a chunk before compression, 1 to 2**30 bytes; a larger message has
+            a chunk of its own.
+
+    Raises:
+        RecordingError: the file exists or cannot be created, or an argument is out of range.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        profile: str = "ros2",
+        library: str = "lodeflow",
+        compression: Literal["zstd", "lz4", ""] = "zstd",
+        chunk_bytes: int = 1 << 20,
+    ) -> None:
+        self.path = Path(path)
+        if not 1 <= chunk_bytes <= LARGEST_CHUNK:
+            raise self._error(f"chunk_bytes must be 1 to {LARGEST_CHUNK}, not {chunk_bytes}")
+        self._compression = compression
+        try:
+            self._chunk = Chunk(chunk_bytes, compression)
+        except (ValueError, ImportError) as error:
+            raise self._error(str(error)) from error
+        self._schemas: dict[tuple[str, str], int] = {}
+        self._counts: dict[int, int] = {}  # messages so far, by channel
+        self._first, self._last = 1 << 64, 0  # log times of all chunks in the file
+        self._size = 0  # bytes in the file
+        self._crc = 0  # of those bytes
+        self._summary: dict[Op, list[bytes]] = {  # in the order of the summary section
+            Op.SCHEMA: [],
+            Op.CHANNEL: [],
+            Op.STATISTICS: [],
+            Op.CHUNK_INDEX: [],
+            Op.ATTACHMENT_INDEX: [],
+            Op.METADATA_INDEX: [],
+        }
+        self._ended = ""  # why the recording takes no more data
+        try:
+            self._file = io.FileIO(self.path, "x")
+        except FileExistsError as error:
+            raise self._error("exists; remove it or choose another name") from error
+        except OSError as error:
+            raise self._error(
+                f"cannot be created: {error.strerror}; check that its folder exists and that you "
+                "may write there"
+            ) from error
+        self._append(MAGIC + encode.header(profile, library))
+
+    def metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """Write named pairs of strings, at once.
+
+        Raises:
+            RecordingError: the recording is closed, or the file cannot be written.
+        """
+        self._require_open()
+        record, offset = encode.metadata(name, entries), self._size
+        self._append(record)
+        index = encode.metadata_index(offset, len(record), name)
+        self._summary[Op.METADATA_INDEX].append(index)
+
+    def attachment(self, name: str, media_type: str, data: bytes, *, t: int = 0) -> None:
+        """Write a file into the recording, at once.
+
+        Args:
+            name: file name.
+            media_type: such as "text/yaml".
+            data: content of the file.
+            t: log time, ns, not negative.
+
+        Raises:
+            RecordingError: `t` is negative, the recording is closed, or it cannot be written.
+        """
+        self._require_open()
+        if t < 0:
+            raise self._error(f"attachment '{name}': {_negative(t)}")
+        record, offset = encode.attachment(t, name, media_type, data), self._size
+        self._append(record)
+        index = encode.attachment_index(offset, len(record), t, len(data), name, media_type)
+        self._summary[Op.ATTACHMENT_INDEX].append(index)
+
+    def channel(
+        self,
+        topic: str,
+        schema_name: str,
+        schema_text: str,
+        *,
+        metadata: Mapping[str, str] | None = None,
+    ) -> int:
+        """Open a channel of CDR messages and return its id, for `write`.
+
+        Args:
+            topic: name of the stream.
+            schema_name: ROS 2 type, such as "sensor_msgs/msg/Imu".
+            schema_text: its `ros2msg` definition with all that it depends on; channels of equal
+                name and text share one schema record.
+            metadata: pairs of strings kept with the channel.
+
+        Raises:
+            RecordingError: there are 65535 channels already, the recording is closed, or it
+                cannot be written.
+        """
+        self._require_open()
+        if len(self._counts) == MOST_CHANNELS:
+            raise self._error(f"channel '{topic}': MCAP has room for {MOST_CHANNELS} channels")
+        key = (schema_name, schema_text)
+        if key not in self._schemas:
+            schema_id = len(self._schemas) + 1
+            schema = encode.schema(schema_id, schema_name, "ros2msg", schema_text.encode())
+            self._append(schema)
+            self._summary[Op.SCHEMA].append(schema)
+            self._schemas[key] = schema_id
+        channel_id = len(self._counts) + 1
+        channel = encode.channel(channel_id, self._schemas[key], topic, "cdr", metadata or {})
+        self._append(channel)
+        self._summary[Op.CHANNEL].append(channel)
+        self._counts[channel_id] = 0
+        return channel_id
+
+    def write(self, channel: int, t: NDArray[np.int64], records: NDArray[np.uint8]) -> None:
+        """Write N messages of one size to a channel.
+
+        Args:
+            channel: id from `channel`.
+            t: log and publish times, shape (N,), int64, ns, not negative.
+            records: encoded messages, shape (N, size), uint8; copied.
+
+        Raises:
+            RecordingError: an array of another shape or type, a negative stamp, an unknown
+                channel, a closed recording, or a file that cannot be written. Of a write that
+                is refused for its arguments, nothing is recorded.
+        """
+        self._require_open()
+        if channel not in self._counts:
+            raise self._error(f"no channel {channel}; open it with channel() first")
+        if t.dtype != np.int64 or t.ndim != 1:
+            raise self._error(f"stamps must be int64 of shape (N,), not {t.dtype} {t.shape}")
+        if records.dtype != np.uint8 or records.ndim != 2 or len(records) != len(t):
+            raise self._error(
+                f"records must be uint8 of shape ({len(t)}, size), a row for each stamp, not "
+                f"{records.dtype} {records.shape}"
+            )
+        if not len(t):
+            return
+        if t.min() < 0:
+            row = int(np.argmax(t < 0))
+            raise self._error(f"row {row}: {_negative(int(t[row]))}")
+        done = 0
+        while done < len(t):
+            room = self._chunk.room(records.shape[1])
+            if not room:
+                self.flush_chunk()
+                continue
+            rows = slice(done, done + room)
+            self._chunk.fill(channel, self._counts[channel], t[rows], records[rows])
+            filled = min(room, len(t) - done)
+            self._counts[channel] += filled
+            done += filled
+
+    def flush_chunk(self) -> None:
+        """Close the open chunk, if there is one, and hand it to the operating system.
+
+        Raises:
+            RecordingError: the recording is closed, or the file cannot be written.
+        """
+        self._require_open()
+        if not self._chunk:
+            return
+        sealed, offset = self._chunk.seal(), self._size
+        index_at = end = offset + len(sealed.record)
+        index_offsets = {}
+        for channel, index in sealed.indexes.items():
+            index_offsets[channel] = end
+            end += len(index)
+        self._append(sealed.record, *sealed.indexes.values())
+        self._first, self._last = min(self._first, sealed.first), max(self._last, sealed.last)
+        self._summary[Op.CHUNK_INDEX].append(
+            encode.chunk_index(
+                sealed.first,
+                sealed.last,
+                offset,
+                len(sealed.record),
+                index_offsets,
+                end - index_at,
+                self._compression,
+                sealed.packed_size,
+                sealed.raw_size,
+            )
+        )
+        self._chunk.clear()
+
+    def close(self) -> None:
+        """Write what is left, the summary and the footer; no-op if closed or failed before.
+
+        Raises:
+            RecordingError: the file cannot be written.
+        """
+        if self._ended:
+            return
+        self.flush_chunk()
+        first = self._first if self._summary[Op.CHUNK_INDEX] else 0
+        statistics = encode.statistics(self._summary, first, self._last, self._counts)
+        groups = {**self._summary, Op.STATISTICS: [statistics]}
+        data_end = encode.data_end(self._crc)
+        self._append(data_end, encode.tail(groups, self._size + len(data_end)))
+        self._ended = "it is closed"
+        try:
+            self._file.close()
+        except OSError as error:
+            raise self._error(f"may not be complete: {error.strerror}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _append(self, *records: bytes) -> None:
+        """Write whole records; after an error the file ends with the last one that fitted."""
+        crc, whole = self._crc, self._size
+        try:
+            for record in records:
+                crc = zlib.crc32(record, crc)
+                rest = memoryview(record)
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+                whole += len(record)
+            self._crc, self._size = crc, whole
+        except OSError as error:
+            self._ended = f"it stopped at an earlier error ({error.strerror})"
+            with contextlib.suppress(OSError):  # the first error says it all
+                self._rewind(whole)
+            with contextlib.suppress(OSError):
+                self._file.close()
+            raise self._error(
+                f"cannot be written: {error.strerror}. The recording ends here, after {whole} "
+                "bytes; make room or record elsewhere, and mend this file with 'lodeflow recover'"
+            ) from error
+        except BaseException:  # Ctrl-C inside a record must not leave half of it
+            self._rewind(self._size)
+            raise
+
+    def _rewind(self, size: int) -> None:
+        self._file.truncate(size)
+        self._file.seek(size)
+
+    def _require_open(self) -> None:
+        if self._ended:
+            raise self._error(f"takes no more data: {self._ended}; record to a new file")
+
+    def _error(self, what: str) -> RecordingError:
+        return RecordingError(f"{self.path}: {what}")
+
+
+def _negative(t: int) -> str:
+    return f"the stamp {t} ns is negative, and MCAP has no such times; let event time start at 0"
