@@ -2,8 +2,8 @@
 
     python benchmarks/mcap_write.py [--messages 100000] [--rounds 5] [--block 1000] [--json]
 
-"messages": each begins with message objects, as a program has them: lodeflow with blocks of Imu, the
-peers with a ROS 2 message per sample, serialised by the faster of the two packages that do so in
+"messages": each begins with message objects, as a program has them: lodeflow with blocks of Imu,
+the peers with a ROS 2 message per sample, serialised by the faster of the two packages that do so in
 Python (rosbags; mcap-ros2-support takes about three times as long). "bytes": the CDR bytes are made
 before the clock starts, and only the writing of MCAP is compared.
 

@@ -36,8 +36,11 @@ class GraphError(LodeflowError):
     """
 
     def __init__(self, problems: Sequence[str]) -> None:
-        super().__init__("\n".join(problems))
+        super().__init__(tuple(problems))  # as it was called, so that it can be pickled
         self.problems = tuple(problems)
+
+    def __str__(self) -> str:
+        return "\n".join(self.problems)
 
 
 class RunError(LodeflowError):

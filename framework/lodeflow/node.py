@@ -81,6 +81,12 @@ class _Plugin:
     example: ClassVar[Mapping[str, Any]] = {}
     spec: ClassVar[NodeSpec]
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        declared: Any = cls.Params
+        if not (isinstance(declared, type) and issubclass(declared, BaseParams)):
+            raise NodeError(f"{_where(cls)}: Params must be a subclass of lodeflow.Params")
+
     def __init__(self, params: BaseParams | None = None, *, name: str = "") -> None:
         self.params: Any = self.Params() if params is None else params
         self.name = name or type(self).__name__
@@ -142,13 +148,14 @@ def _where(cls: type) -> str:
         return f"{cls.__module__}.{cls.__qualname__}"
 
 
-def _hints(cls: type, method: Any) -> dict[str, Any]:
+def _hints(cls: type, annotated: Any) -> dict[str, Any]:
+    """Return the annotations of a method, or of a NamedTuple that it names."""
     try:
-        return get_type_hints(method, localns=dict(vars(cls)))
-    except NameError as error:
+        return get_type_hints(annotated, localns=dict(vars(cls)))
+    except (NameError, AttributeError) as error:
         raise NodeError(
-            f"{_where(cls)}: {method.__name__}: {error}; annotations are read when the class is "
-            "defined, so import the message types outside of TYPE_CHECKING"
+            f"{_where(cls)}: {annotated.__name__}: {error}; annotations are read when the class "
+            "is defined, so import the message types outside of TYPE_CHECKING"
         ) from None
 
 
@@ -159,22 +166,31 @@ def _without_none(hint: Any) -> tuple[Any, ...]:
 
 
 def _is_message(hint: Any) -> bool:
-    return isinstance(hint, type) and issubclass(hint, Message)
+    return isinstance(hint, type) and issubclass(hint, Message) and bool(hint.ros)
 
 
 def _inputs(cls: type, method: Any) -> tuple[InputPort, ...]:
     hints = _hints(cls, method)
     ports = []
-    _, *arguments = inspect.signature(method).parameters.values()
-    for argument in arguments:
+    is_sparse = method.__name__ == "step_block" and isinstance(getattr(cls, "sync", None), Each)
+    for argument in list(inspect.signature(method).parameters.values())[1:]:
         where = f"{_where(cls)}: {method.__name__}: argument {argument.name!r}"
         if argument.kind not in (argument.POSITIONAL_ONLY, argument.POSITIONAL_OR_KEYWORD):
             raise NodeError(f"{where}: an input is a plain argument, not * or **")
+        if argument.default not in (argument.empty, None):
+            raise NodeError(f"{where}: the only default is None, which makes an input optional")
         (kind, *more) = _without_none(hints.get(argument.name)) or (None,)
-        if get_origin(kind) is Sparse:
+        sparse = get_origin(kind) is Sparse
+        if sparse:
             (kind,) = get_args(kind)
         if more or not _is_message(kind):
             raise NodeError(f"{where} needs a message type as annotation")
+        if sparse is not is_sparse:
+            raise NodeError(
+                f"{where} must be Sparse[{kind.__name__}]: rows of Each may lack it"
+                if is_sparse
+                else f"{where}: Sparse is for step_block with sync = Each()"
+            )
         ports.append(InputPort(argument.name, kind, argument.default is None))
     return tuple(ports)
 
@@ -189,7 +205,7 @@ def _outputs(cls: type, method: Any, hint: Any) -> tuple[dict[str, type[Message]
         return {SINGLE_PORT: kind}, False
     if not more and isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields"):
         ports = {}
-        for name, field in get_type_hints(kind, localns=dict(vars(cls))).items():
+        for name, field in _hints(cls, kind).items():
             (inner, *rest) = _without_none(field) or (None,)
             if rest or not _is_message(inner):
                 raise NodeError(
@@ -198,8 +214,9 @@ def _outputs(cls: type, method: Any, hint: Any) -> tuple[dict[str, type[Message]
                 )
             ports[name] = inner
         return ports, True
+    verb = "yield" if method.__name__ == "read" else "return"
     raise NodeError(
-        f"{_where(cls)}: {method.__name__} must return one message type, a NamedTuple of them, "
+        f"{_where(cls)}: {method.__name__} must {verb} one message type, a NamedTuple of them, "
         f"or None, not {hint!r}"
     )
 
@@ -228,6 +245,7 @@ def _node_spec(cls: type[Node]) -> NodeSpec:
         for name, kind in {**stepped, **finished}.items()
     )
     _check_sync(cls, inputs[0])
+    _check_span(cls, "lookback")
     return NodeSpec(
         inputs[0],
         outputs,
@@ -256,14 +274,30 @@ def _check_sync(cls: type[Node], inputs: tuple[InputPort, ...]) -> None:
             f"{_where(cls)}: the sync leads by {cls.sync.lead!r}, which is no input"
             f"{did_you_mean(cls.sync.lead, names)} (inputs: {', '.join(names)})"
         )
-    if isinstance(cls.sync, Nearest) and cls.sync.within < 0:
-        raise NodeError(f"{_where(cls)}: Nearest: within must not be negative")
+    if isinstance(cls.sync, Nearest) and not _is_span(cls.sync.within):
+        raise NodeError(f"{_where(cls)}: Nearest: within {_SPAN}, not {cls.sync.within!r}")
     if isinstance(cls.sync, Hold):
         _check_hold(cls, cls.sync, inputs)
-    lead = names[0] if isinstance(cls.sync, Exact) else getattr(cls.sync, "lead", None)
+    first_leads = isinstance(cls.sync, Exact) or len(names) == 1
+    lead = names[0] if first_leads else getattr(cls.sync, "lead", None)
     for port in inputs:
         if port.name == lead and port.optional:
-            raise NodeError(f"{_where(cls)}: the lead {lead!r} cannot be optional")
+            what = "lead" if len(names) > 1 else "only input"
+            raise NodeError(f"{_where(cls)}: the {what} {lead!r} cannot be optional")
+
+
+_SPAN = "must be a whole number of nanoseconds from 0 up (see seconds)"
+
+
+def _is_span(value: Any) -> bool:
+    return type(value) is int and value >= 0
+
+
+def _check_span(cls: type, name: str) -> None:
+    """Look at a duration that the class declares, unless an instance computes it."""
+    value = getattr(cls, name)
+    if value is not None and not isinstance(value, property) and not _is_span(value):
+        raise NodeError(f"{_where(cls)}: {name} {_SPAN}, not {value!r}")
 
 
 def _check_hold(cls: type[Node], sync: Hold, inputs: tuple[InputPort, ...]) -> None:
@@ -288,13 +322,19 @@ def _source_spec(cls: type[Source]) -> NodeSpec:
     hint = _hints(cls, cls.read).get("return")
     ports: dict[str, type[Message]] = {}
     is_tuple = False
-    for yielded in (arg for arg in get_args(hint)[:1] for arg in _without_none(arg)):
-        if yielded is not Bound:
-            ports, is_tuple = _outputs(cls, cls.read, yielded)
+    yielded = [kind for arg in get_args(hint)[:1] for kind in _without_none(arg)]
+    messages = [kind for kind in yielded if kind is not Bound]
+    if len(messages) > 1:
+        raise NodeError(
+            f"{_where(cls)}: read yields {len(messages)} types; make them the ports of a NamedTuple"
+        )
+    if messages:
+        ports, is_tuple = _outputs(cls, cls.read, messages[0])
     if not ports:
         raise NodeError(
             f"{_where(cls)}: read must say what it yields, for example Iterator[Imu]; got {hint!r}"
         )
+    _check_span(cls, "max_delay")
     outputs = tuple(OutputPort(name, kind, True, False) for name, kind in ports.items())
     return NodeSpec(
         (),

@@ -114,6 +114,8 @@ def load_object(path: str) -> Any:
         NodeError: the module or the name in it cannot be imported, and why.
     """
     module_name, _, name = path.partition(":")
+    if not module_name or not name:
+        raise NodeError(f"{path!r} must read 'package.module:Name'")
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.insert(0, here)

@@ -1,1 +1,26 @@
 """Graph files: from YAML to a checked description that holds no live object."""
+
+from lodeflow.graph.drawing import draw
+from lodeflow.graph.explanation import explain
+from lodeflow.graph.json_schema import schema
+from lodeflow.graph.load import dump, load_graph, load_graph_text
+from lodeflow.graph.model import Gate, Graph, GraphNode, Loss, Record, Wire
+from lodeflow.graph.topology import Edge, edges, order
+
+__all__ = [
+    "Edge",
+    "Gate",
+    "Graph",
+    "GraphNode",
+    "Loss",
+    "Record",
+    "Wire",
+    "draw",
+    "dump",
+    "edges",
+    "explain",
+    "load_graph",
+    "load_graph_text",
+    "order",
+    "schema",
+]

@@ -87,6 +87,7 @@ class Graph:
         processes: node names of each process group; empty for one process.
         args: the arguments with the values in force.
         document: the resolved file as plain data: what a run needs to be repeated.
+        notes: what to tell the user although it is no mistake (params that a swap dropped).
     """
 
     name: str
@@ -95,6 +96,7 @@ class Graph:
     processes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     args: Mapping[str, Any] = field(default_factory=dict)
     document: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     def streams(self) -> Iterator[Wire]:
         """Yield every output port, in the order of the nodes."""

@@ -43,24 +43,49 @@ def order(nodes: Mapping[str, GraphNode]) -> tuple[list[str], list[str]]:
     for edge in edges(nodes):
         if not edge.delayed:
             waiting[edge.to].add(edge.wire.node)
-    done: list[str] = []
-    while ready := next((n for n, needs in waiting.items() if needs <= set(done)), None):
-        done.append(ready)
+    done: dict[str, None] = {}
+    while ready := next((n for n, needs in waiting.items() if needs <= done.keys()), None):
+        done[ready] = None
         del waiting[ready]
-    return done, list(waiting)
+    return list(done), list(waiting)
 
 
 def cycles(nodes: Mapping[str, GraphNode]) -> list[set[str]]:
     """Return the sets of nodes that can reach each other (delayed inputs included)."""
+    return _knots(nodes, edges(nodes))
+
+
+def loops(nodes: Mapping[str, GraphNode]) -> list[list[Edge]]:
+    """Return one closed chain of edges of each set of nodes that wait for each other.
+
+    A chain is as short as can be and begins at the first of its nodes in the file. Delayed inputs
+    do not wait.
+    """
+    waits = [edge for edge in edges(nodes) if not edge.delayed]
+    found = []
+    for knot in _knots(nodes, waits):
+        first = next(name for name in nodes if name in knot)
+        chains = [[edge] for edge in waits if edge.wire.node == first and edge.to in knot]
+        seen = {first}
+        while chains[0][-1].to != first:
+            chain = chains.pop(0)
+            if (at := chain[-1].to) not in seen:
+                seen.add(at)
+                chains += [[*chain, e] for e in waits if e.wire.node == at and e.to in knot]
+        found.append(chains[0])
+    return found
+
+
+def _knots(nodes: Mapping[str, GraphNode], links: Iterable[Edge]) -> list[set[str]]:
     after: dict[str, set[str]] = {name: set() for name in nodes}
-    for edge in edges(nodes):
+    for edge in links:
         after[edge.wire.node].add(edge.to)
     reach = {name: _reachable(after, name) for name in nodes}
     found: list[set[str]] = []
     for name in nodes:
-        cycle = {other for other in reach[name] if name in reach[other]}
-        if cycle and cycle not in found:
-            found.append(cycle)
+        knot = {other for other in reach[name] if name in reach[other]}
+        if knot and knot not in found:
+            found.append(knot)
     return found
 
 

@@ -60,7 +60,8 @@ class Layout:
         self.constants = constants
         self.template, self.offsets = _place(kind, constants)
         self.size = len(self.template)
-        formats: dict[str, Any] = {"sec": ("<i4", ()), "nanosec": ("<u4", ())}
+        # No field can be called so: its name begins with a letter.
+        formats: dict[str, Any] = {"_sec": ("<i4", ()), "_nanosec": ("<u4", ())}
         offsets = [self.offsets["header.stamp.sec"], self.offsets["header.stamp.nanosec"]]
         for field in kind.fields:
             wire = {"uint8": "u1", "uint32": "<u4", "int64": "<i8"}.get(field.ros, "<f8")
@@ -104,7 +105,7 @@ class Layout:
         if t.min() < FIRST_STAMP or t.max() > LAST_STAMP:
             raise MessageError(f"{self.kind.__name__}: a stamp is outside the range of ROS time")
         records = out.view(self.dtype)[:, 0]
-        records["sec"], records["nanosec"] = np.divmod(t, NANOSECONDS)
+        records["_sec"], records["_nanosec"] = np.divmod(t, NANOSECONDS)
         for field, value in zip(self.kind.fields, block.values(), strict=True):
             if value.shape != (len(t), *field.shape):
                 block.validate()
@@ -127,14 +128,17 @@ class Layout:
             records: uint8 of shape (N, size).
 
         Raises:
-            MessageError: the records have another size.
+            MessageError: the records have another size or encapsulation.
         """
         if records.ndim != 2 or records.shape[1] != self.size or records.dtype != np.uint8:
             raise MessageError(
                 f"{self.kind.__name__}: records of {records.shape} are not (N, {self.size}) bytes"
             )
-        view = np.ascontiguousarray(records).view(self.dtype)[:, 0]
-        t = view["sec"].astype(np.int64) * NANOSECONDS + view["nanosec"]
+        records = np.ascontiguousarray(records)
+        if (records[:, :4].view("<u4") != int.from_bytes(HEADER, "little")).any():
+            raise MessageError(f"{self.kind.__name__}: not plain little-endian CDR")
+        view = records.view(self.dtype)[:, 0]
+        t = view["_sec"].astype(np.int64) * NANOSECONDS + view["_nanosec"]
         return self.kind(
             t, *[view[field.name].astype(field.dtype, order="C") for field in self.kind.fields]
         )
@@ -192,9 +196,14 @@ class Layout:
         return compiled
 
 
-@lru_cache(maxsize=256)
 def layout_of(kind: type[Message], constants: StreamConstants | None = None) -> Layout:
     """Return the compiled layout of a type; with its default constants if none are given."""
+    return _layout(kind, constants, repr(constants))
+
+
+@lru_cache(maxsize=256)
+def _layout(kind: type[Message], constants: StreamConstants | None, spelled: str) -> Layout:
+    # Spelled out, because 0.0 equals -0.0 and 1 equals True, but their bytes differ.
     return Layout(kind, constants or StreamConstants.of(kind))
 
 
@@ -240,7 +249,7 @@ def _read(leaf: Leaf, record: bytes, at: int, name: str) -> tuple[int, Any]:
             text = record[at + 4 : at + 4 + length]
             if len(text) != length:
                 raise MessageError(f"{name}: truncated at {leaf.path}")
-            return at + 4 + length, text.rstrip(b"\0").decode("utf-8", "replace")
+            return at + 4 + length, text.removesuffix(b"\0").decode("utf-8", "replace")
         size, code = PRIMITIVES[leaf.type]
         at = _align(at, size)
         found = struct.unpack_from(f"<{leaf.count or 1}{code}", record, at)

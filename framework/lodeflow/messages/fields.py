@@ -13,7 +13,6 @@ from typing import (
     Any,
     ClassVar,
     Generic,
-    Literal,
     TypeVar,
     get_args,
     get_origin,
@@ -158,12 +157,20 @@ def resolve(owner: str, name: str, annotation: Any) -> FieldSpec:
         )
     arguments = get_args(annotation)
     unit: type[Unit] = Dimensionless
-    if arguments and isinstance(arguments[0], type) and issubclass(arguments[0], Unit):
-        unit = arguments[0]
     shape, ros = kind.item_shape, kind.ros
     if kind is Array:
-        if len(arguments) != 2 or get_origin(arguments[1]) is not Literal:
+        capacity = get_args(arguments[1]) if len(arguments) == 2 else ()
+        if len(capacity) != 1 or type(capacity[0]) is not int or capacity[0] < 1:
             raise MessageError(f"{owner}.{name}: write Array[UNIT, Literal[CAPACITY]]")
-        (capacity,) = get_args(arguments[1])
-        shape, ros = (int(capacity),), f"float64[{int(capacity)}]"
+        shape, ros = capacity, f"float64[{capacity[0]}]"
+    if arguments:
+        unit = arguments[0]
+        if not _is_unit(unit):
+            raise MessageError(f"{owner}.{name}: {unit!r} is not a unit; use for example Tesla")
+    if gaps and kind.integer:
+        raise MessageError(f"{owner}.{name}: an integer has no NaN, so it cannot have GAPS")
     return FieldSpec(name, shape, kind.integer, ros, unit, gaps)
+
+
+def _is_unit(found: Any) -> bool:
+    return isinstance(found, type) and issubclass(found, Unit)

@@ -2,40 +2,21 @@
 
 from __future__ import annotations
 
-import sys
+import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, get_type_hints
 
 import numpy as np
 
 from lodeflow.errors import MessageError, did_you_mean
+from lodeflow.messages.declaration import annotated_names, check_names
 from lodeflow.messages.fields import INTEGER_RANGES, FieldSpec, resolve
+from lodeflow.messages.ros import definition
 
 M = TypeVar("M", bound="Message")
 
 by_ros_name: dict[str, type[Message]] = {}
 """Every declared message type, under its ROS 2 name."""
-
-
-def _annotated_names(namespace: dict[str, Any]) -> list[str]:
-    """Names that a class body annotates, without ClassVars."""
-    if sys.version_info >= (3, 14):
-        import annotationlib
-
-        annotate = annotationlib.get_annotate_from_class_namespace(namespace)
-        found: dict[str, Any] = (
-            annotationlib.call_annotate_function(annotate, annotationlib.Format.FORWARDREF)
-            if annotate
-            else {}
-        )
-    else:
-        found = namespace.get("__annotations__", {})
-    return [
-        name
-        for name, hint in found.items()
-        if name not in ("t", "fields", "field_names")
-        and "ClassVar" not in (hint if isinstance(hint, str) else str(get_origin(hint) or hint))
-    ]
 
 
 class MessageMeta(type):
@@ -51,10 +32,11 @@ class MessageMeta(type):
         frame: str = "",
     ) -> MessageMeta:
         """Create the class; `ros` is its ROS 2 name (none for an abstract base)."""
-        own = _annotated_names(namespace)
+        own = annotated_names(namespace)
         inherited = [f for base in bases for f in getattr(base, "field_names", ())]
         names = (*inherited, *(n for n in own if n not in inherited))
         slots = [n for n in names if n not in inherited]
+        check_names(name, slots, bases, namespace)
         if not any(isinstance(base, MessageMeta) for base in bases):
             slots = ["t", *slots]
         namespace = {**namespace, "__slots__": tuple(slots), "field_names": names}
@@ -125,7 +107,10 @@ class Message(metaclass=MessageMeta):
             raise TypeError(f"a sample of {type(self).__name__} has no rows; a block has")
         if isinstance(key, (int, np.integer)):
             return self.row(int(key))
-        return type(self)(self.t[key], *[value[key] for value in self.values()])
+        columns = [column[key] for column in (self.t, *self.values())]
+        if isinstance(key, slice) and key.step not in (None, 1):
+            columns = [np.ascontiguousarray(column) for column in columns]
+        return type(self)(*columns)
 
     def replace(self: M, **changes: Any) -> M:
         """Return a copy with some fields (or `t`) replaced.
@@ -157,14 +142,18 @@ class Message(metaclass=MessageMeta):
 
     @classmethod
     def stack(cls: type[M], samples: Sequence[M]) -> M:
-        """Return one block with a row per sample."""
+        """Return one block with a row per sample.
+
+        Raises:
+            MessageError: a value does not fit its field without loss.
+        """
         if not samples:
             return cls.empty()
         columns = zip(*[sample.values() for sample in samples], strict=True)
         return cls(
             np.array([sample.t for sample in samples], dtype=np.int64),
             *[
-                np.array(column, dtype=field.dtype)
+                _column(cls, field, column)
                 for field, column in zip(cls.fields, columns, strict=True)
             ],
         )
@@ -178,7 +167,7 @@ class Message(metaclass=MessageMeta):
         )
 
     @classmethod
-    def of(cls: type[M], t: int, **values: Any) -> M:
+    def of(cls: type[M], t: int | np.integer[Any], **values: Any) -> M:
         """Return a validated sample from plain numbers and lists; fields not named are zero.
 
         Raises:
@@ -189,15 +178,17 @@ class Message(metaclass=MessageMeta):
             raise MessageError(f"{cls.__name__} has no field {unknown[0]!r}{near}")
         converted: list[Any] = []
         for field in cls.fields:
-            value = values.get(field.name, np.zeros(field.shape))
-            try:
-                array = np.asarray(value, dtype=field.dtype)
+            value = values.get(field.name, np.zeros(field.shape, field.dtype))
+            try:  # safe: an integer may become a float, but no float is cut to an integer
+                array = np.asarray(value).astype(field.dtype, order="C", casting="safe")
             except (TypeError, ValueError):
+                what = f"{field.dtype} of shape {field.shape}"
                 raise MessageError(
-                    f"{cls.__name__}.{field.name}: {value!r} is not a number of shape {field.shape}"
+                    f"{cls.__name__}.{field.name}: {value!r} is not {what}"
                 ) from None
             converted.append(array if field.shape else array.item() if array.ndim == 0 else array)
-        sample = cls(int(t), *converted)
+        stamp = t.item() if isinstance(t, np.integer) else t
+        sample = cls(stamp, *converted)
         sample.validate()
         return sample
 
@@ -249,6 +240,17 @@ class Message(metaclass=MessageMeta):
         return type(self), (self.t, *self.values())
 
 
+def _column(cls: type[Message], field: FieldSpec, values: Sequence[Any]) -> Any:
+    try:  # safe: an integer may become a float, but no float is cut to an integer
+        column = np.array(values).astype(field.dtype, copy=False, casting="safe")
+    except (TypeError, ValueError):
+        raise MessageError(
+            f"{cls.__name__}.{field.name}: not every sample has {field.dtype} of shape "
+            f"{field.shape}"
+        ) from None
+    return column
+
+
 def _validate_field(message: Message, field: FieldSpec, value: Any, block: bool) -> None:
     memory = "int64" if field.integer else "float64"
     if block or field.shape:
@@ -273,9 +275,14 @@ def _finish(cls: type[Message], ros: str) -> None:
     """Resolve the fields of a declared type and generate its fast methods."""
     if known := by_ros_name.get(ros):
         raise MessageError(f"{cls.__name__}: the ROS 2 name {ros!r} is taken by {known.__name__}")
-    if ros.count("/msg/") != 1:
-        raise MessageError(f"{cls.__name__}: ros={ros!r} must read PACKAGE/msg/Name")
-    hints = get_type_hints(cls, include_extras=True)
+    if not re.fullmatch("[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*", ros):
+        raise MessageError(f"{cls.__name__}: ros={ros!r} must read package/msg/Name")
+    try:
+        hints = get_type_hints(cls, include_extras=True)
+    except (NameError, AttributeError) as error:
+        raise MessageError(
+            f"{cls.__name__}: {error}; annotations are read when the class is defined"
+        ) from None
     cls.fields = tuple(resolve(cls.__name__, name, hints[name]) for name in cls.field_names)
     cls.constants = {
         name: value
@@ -283,6 +290,10 @@ def _finish(cls: type[Message], ros: str) -> None:
         for name, value in vars(base).items()
         if name.isupper() and type(value) is int
     }
+    for name, value in cls.constants.items():
+        if not 0 <= value <= 255:
+            raise MessageError(f"{cls.__name__}.{name} must be from 0 to 255, got {value}")
+    definition(cls)
     _generate(cls)
     by_ros_name[ros] = cls
 

@@ -6,6 +6,7 @@ dependencies, and the flat list of primitives that the CDR layout is compiled fr
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -96,7 +97,7 @@ def definition(cls: type[Message]) -> str:
                     f"'{field.ros} {field.name}'"
                 )
         return STANDARD[cls.ros]
-    lines = [f"# {line}".rstrip() for line in (cls.__doc__ or "").strip().splitlines()]
+    lines = [f"# {line}".rstrip() for line in inspect.cleandoc(cls.__doc__ or "").splitlines()]
     lines += [f"uint8 {name}={value}" for name, value in cls.constants.items()]
     lines.append("std_msgs/Header header")
     for field in cls.fields:

@@ -118,12 +118,16 @@ class Score(Message):
 
 
 class AttitudeScore(Score, ros="lodeflow_msgs/msg/AttitudeScore"):
-    """Error of an estimated attitude against a reference, over the samples that are scored."""
+    """Error of an estimated attitude against a reference, over the samples that are scored.
 
-    total_rmse: Scalar[Radian]
-    heading_rmse: Scalar[Radian]
-    inclination_rmse: Scalar[Radian]
-    total_max: Scalar[Radian]
-    heading_max: Scalar[Radian]
-    inclination_max: Scalar[Radian]
+    `missing` of the `samples` have no estimate; one of them makes all errors NaN.
+    """
+
+    total_rmse: Annotated[Scalar[Radian], GAPS]
+    heading_rmse: Annotated[Scalar[Radian], GAPS]
+    inclination_rmse: Annotated[Scalar[Radian], GAPS]
+    total_max: Annotated[Scalar[Radian], GAPS]
+    heading_max: Annotated[Scalar[Radian], GAPS]
+    inclination_max: Annotated[Scalar[Radian], GAPS]
     samples: Int64
+    missing: Int64

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lodeflow.errors import MessageError
-from lodeflow.messages.cdr import HEADER, Layout, layout_of, read_constants
+from lodeflow.messages.cdr import HEADER, Layout, StreamConstants, layout_of, read_constants
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import PRIMITIVES, definition, full_name, leaves, members
 from lodeflow.recording.mcap_records import LOG_TIME_AT, PREFIX, Op, message_layout
@@ -100,8 +100,7 @@ class StreamDecoder:
         if not (records[:, : len(HEADER)] == np.frombuffer(HEADER, np.uint8)).all():
             raise MessageError("a message is not plain little-endian CDR")
         if key not in self._layouts:
-            found = layout_of(self.kind, read_constants(self.kind, records[0].tobytes()))
-            self._layouts[key] = found, _constants_layout(found, text)
+            self._layouts[key] = self._lay_out(records[0].tobytes(), text)
         layout, undeclared = self._layouts[key]
         constants = records.view(undeclared)[:, 0]
         if self._first is None:
@@ -114,6 +113,15 @@ class StreamDecoder:
         else:
             self._frames += len(records)
         return layout.decode_block(records)
+
+    def _lay_out(self, record: bytes, text: int) -> tuple[Layout, np.dtype[Any]]:
+        """Return where the members of a record like this one stand, declared and undeclared."""
+        read_constants(self.kind, record)  # raises if the record is none of this type
+        if not text:
+            raise MessageError("frame_id has no terminating zero byte")
+        # Any text of that length will do: nothing is encoded with this layout.
+        layout = layout_of(self.kind, StreamConstants("?" * (text - 1)))
+        return layout, _undeclared_layout(layout, text)
 
     def _ordered(self, block: Message) -> Message:
         t = block.t
@@ -148,9 +156,9 @@ def _members(text: str) -> list[tuple[str, int | None, str]]:
     ]
 
 
-def _constants_layout(layout: Layout, text: int) -> np.dtype[Any]:
+def _undeclared_layout(layout: Layout, text: int) -> np.dtype[Any]:
     """Return where frame_id and the undeclared members of a record stand, as bytes."""
-    undeclared = {path for path, _ in layout.constants.values}
+    undeclared = {path for path, _ in StreamConstants.of(layout.kind).values}
     places = [
         (layout.offsets[leaf.path], PRIMITIVES[leaf.type][0] * (leaf.count or 1))
         for leaf in leaves(definition(layout.kind))

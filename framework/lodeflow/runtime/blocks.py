@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lodeflow.errors import MessageError
 from lodeflow.graph.model import Wire
 from lodeflow.node import InputPort, OutputPort
 from lodeflow.runtime.align import Column, GateColumn, Rows, join_rows, make_aligner
@@ -33,9 +34,12 @@ class Output:
         if not len(block):
             return
         t = block.t
-        if t[0] <= self.last or (np.diff(t) <= 0).any():
+        before = np.concatenate([[self.last], t[:-1]])
+        if (t <= before).any():
+            at = int(np.argmax(t <= before))
             raise self.node.broken(
-                self.port.name, f"stamps must strictly increase, within and after t={self.last}"
+                self.port.name,
+                f"stamps must strictly increase, got {t[at]} where {before[at] + 1} is the least",
             )
         if t[0] < earliest:
             raise self.node.broken(
@@ -153,9 +157,9 @@ class BlockNode:
         if returned is None:
             return (None,) * len(self.stepped)
         if not self.node.spec.step_tuple:
-            return (returned,)
+            returned = (returned,)
         if not isinstance(returned, tuple) or len(returned) != len(self.stepped):
-            names = ", ".join(output.port.name for output in self.stepped)
+            names = ", ".join(output.port.name for output in self.stepped) or "(none)"
             raise self.node.broken(names, f"it must return these ports, got {returned!r}")
         return returned
 
@@ -178,9 +182,15 @@ class BlockNode:
                     check_sample(self.node, output.port, message, t - lookback, thorough=not into)
                     into.append(message)
         return [
-            output.port.type.stack(samples) if samples else None
+            self._stack(output, samples) if samples else None
             for output, samples in zip(self.stepped, collected, strict=True)
         ]
+
+    def _stack(self, output: Output, samples: list[Any]) -> Any:
+        try:
+            return output.port.type.stack(samples)
+        except MessageError as error:
+            raise self.node.broken(output.port.name, str(error)) from error
 
     def _finish(self) -> None:
         self.finished = True

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lodeflow.clock import Clock, Pacer, SimClock, WallClock
-from lodeflow.errors import ContractError
+from lodeflow.errors import ContractError, RunError
 from lodeflow.runtime.blocks import BlockDriver
 from lodeflow.runtime.feed import Batch, LiveFeed, batches, max_delay
 from lodeflow.runtime.plan import Plan, PlanNode
@@ -31,6 +31,9 @@ class Engine:
         speed: event time per wall time; None for as fast as the data allows.
         duration: event time to run for, in nanoseconds from the run's start; None for all.
         watch: called between batches, at least every `TICK` seconds while paced or live.
+
+    Raises:
+        RunError: the speed is not above 0, or the duration is negative.
     """
 
     def __init__(
@@ -41,6 +44,10 @@ class Engine:
         duration: int | None = None,
         watch: Watch = lambda t: None,
     ) -> None:
+        if speed is not None and not speed > 0:
+            raise RunError(f"the speed must be above 0, not {speed}")
+        if duration is not None and duration < 0:
+            raise RunError(f"the duration must not be negative, got {duration} ns")
         self.plan = plan
         self.speed = speed
         self.watch = watch
@@ -97,14 +104,14 @@ class Engine:
                 self.watch(self.reached)
         finally:
             for feed in feeds.values():
-                feed.close()  # type: ignore[attr-defined]
+                feed.close()
         _all_ended(driver.unfinished())
 
     def _run_samples(self) -> None:
         driver = SampleDriver(self.plan)
         at_rest = [node for node in self.plan.sources if node not in self.live]
         files = [_Paced(node, self.clock, self.until) for node in at_rest]
-        live = [LiveFeed(node, self.clock, self.wake) for node in self.live]
+        live = [LiveFeed(node, self.clock, self.wake, self.until) for node in self.live]
         pacer = Pacer(1.0 if self.speed is None else self.speed)
         for feed in live:
             feed.start()
@@ -145,6 +152,8 @@ class Engine:
         for feed in files:
             driver.promise(feed.node.name, END)
         for inbox in live:
+            for batch in inbox.drain():  # what had come before the stop is not lost
+                self._push_rows(driver, inbox.node.name, batch)
             driver.promise(inbox.node.name, END)
 
     def _push_rows(self, driver: SampleDriver, source: str, batch: Batch) -> None:
@@ -191,7 +200,7 @@ class _Paced:
 
     def close(self) -> None:
         """Let the source release what it holds."""
-        self.batches.close()  # type: ignore[attr-defined]
+        self.batches.close()
 
 
 def _by_stamp(batch: Batch) -> Iterator[tuple[int, list[tuple[int, Any]]]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lodeflow.clock import Clock
 from lodeflow.errors import ContractError
+from lodeflow.messages.cdr import FIRST_STAMP, LAST_STAMP
 from lodeflow.messages.message import Message
 from lodeflow.runtime.plan import PlanNode, check_output
 from lodeflow.sync import END, NEVER, Bound
@@ -47,18 +48,22 @@ class Intake:
     def take(self, item: Any) -> Batch:
         """Return the part of a yielded item that may enter, and count the rest."""
         if isinstance(item, Bound):
-            self.floor = max(self.floor, item.t)
+            if not isinstance(item.t, (int, np.integer)):
+                raise self.node.broken(self._names(), f"it must yield Bound(int), got {item!r}")
+            self.floor = max(self.floor, min(int(item.t), END))
             return Batch([], self.floor)
         messages = item if self.node.spec.step_tuple else (item,)
         if not isinstance(messages, tuple) or len(messages) != len(self.ports):
-            names = ", ".join(port.name for port in self.ports)
-            raise self.node.broken(names, f"it must yield these ports or a Bound, got {item!r}")
+            raise self.node.broken(
+                self._names(), f"it must yield these ports or a Bound, got {item!r}"
+            )
         blocks = []
         reached = self.floor
         for index, message in enumerate(messages):
             if message is None:
                 continue
             check_output(self.node, self.ports[index], message)
+            self._check_stamps(index, message.t)
             block = self._clean(index, message if message.is_block else message.as_block())
             if len(block):
                 blocks.append((index, block))
@@ -68,13 +73,24 @@ class Intake:
             self.floor = reached
         return Batch(blocks, self.floor)
 
+    def _names(self) -> str:
+        return ", ".join(port.name for port in self.ports)
+
+    def _check_stamps(self, index: int, t: Any) -> None:
+        first, last = (t, t) if isinstance(t, int) else (t.min(initial=0), t.max(initial=0))
+        if first < FIRST_STAMP or last > LAST_STAMP:
+            raise self.node.broken(
+                self.ports[index].name,
+                f"stamp {first if first < FIRST_STAMP else last} is outside the range of ROS time "
+                "(1901 to 2038, nanoseconds since 1970)",
+            )
+
     def _clean(self, index: int, block: Any) -> Any:
         finite = finite_rows(block)
         if finite is not None:
             self.node.counters.lose("nonfinite", int(len(block) - finite.sum()))
             block = block[finite]
-        if self.live and len(block) and block.t[0] < self.floor:
-            late = block.t < self.floor
+        if self.live and (late := block.t < self.floor).any():
             self.node.counters.lose("late", int(late.sum()))
             block = block[~late]
         t = block.t
@@ -102,32 +118,35 @@ def finite_rows(block: Message) -> NDArray[np.bool_] | None:
     return rows
 
 
-def batches(node: PlanNode, clock: Clock, until: int = END) -> Iterator[Batch]:
+def _cut(batch: Batch, until: int) -> Batch:
+    """Return what of a batch lies before `until`; the end, if nothing more can."""
+    blocks = [(index, block[: np.searchsorted(block.t, until)]) for index, block in batch.blocks]
+    bound = END if batch.bound >= until else batch.bound
+    return Batch([(index, block) for index, block in blocks if len(block)], bound)
+
+
+def batches(node: PlanNode, clock: Clock, until: int = END) -> Generator[Batch]:
     """Yield all that a source of data at rest has, up to the stamp `until`, and the end.
 
     Raises:
         NodeFailure: the source raised; names the last stamp that it reached.
     """
     intake = Intake(node)
-    items = intake.source.read(clock)
+    items: Any = None
+    bound = NEVER
     try:
-        while True:
+        while bound < END:
             try:
-                item = next(items)
-            except StopIteration:
-                break
+                if items is None:
+                    items = iter(intake.source.read(clock))
+                item = next(items, _NO_MORE)
             except Exception as error:
-                reached = "the start" if max(intake.last) == NEVER else max(intake.last)
-                raise node.failure("read", reached, error) from error
-            blocks, bound = intake.take(item)
-            if bound > until:
-                blocks = [(i, b[: np.searchsorted(b.t, until)]) for i, b in blocks]
-                yield Batch([(i, b) for i, b in blocks if len(b)], END)
-                return
-            yield Batch(blocks, bound)
-        yield Batch([], END)
+                raise node.failure("read", max(intake.last), error) from error
+            batch = Batch([], END) if item is _NO_MORE else _cut(intake.take(item), until)
+            bound = batch.bound
+            yield batch
     finally:
-        items.close()
+        _close(items)
 
 
 class LiveFeed:
@@ -137,8 +156,11 @@ class LiveFeed:
     enters any stream. A sample later than `max_delay` behind the clock is dropped as late.
     """
 
-    def __init__(self, node: PlanNode, clock: Clock, wake: threading.Event) -> None:
+    def __init__(
+        self, node: PlanNode, clock: Clock, wake: threading.Event, until: int = END
+    ) -> None:
         self.node = node
+        self.until = until
         self.clock = clock
         self.wake = wake
         self.inbox: deque[Any] = deque()
@@ -156,7 +178,7 @@ class LiveFeed:
 
     def _read(self) -> None:
         try:
-            items = self.intake.source.read(self.clock)
+            items = iter(self.intake.source.read(self.clock))
             for item in items:
                 if self.stopping:
                     break
@@ -165,7 +187,7 @@ class LiveFeed:
                 else:
                     self.inbox.append(item)
                 self.wake.set()
-            items.close()
+            _close(items)
         except Exception as error:  # raised again by `drain`, on the run's own thread
             self.error = error
         finally:
@@ -176,20 +198,32 @@ class LiveFeed:
         """Yield what has come, then the bound that time alone gives."""
         ended = self.ended  # before the inbox is looked at: nothing follows once it is set
         bound = self.clock.now() - self.intake.source.max_delay
-        while self.inbox:
-            yield self.intake.take(self.inbox.popleft())
+        for _ in range(len(self.inbox)):  # not what comes meanwhile, or a fast source holds us here
+            yield _cut(self.intake.take(self.inbox.popleft()), self.until)
         if self.overflow > self.counted:
             self.node.counters.lose("overflow", self.overflow - self.counted)
             self.counted = self.overflow
-        if self.error is not None:
-            reached = max(self.intake.last)
-            raise self.node.failure("read", reached, self.error) from self.error
+        if ended and self.error is not None:
+            raise self.node.failure("read", max(self.intake.last), self.error) from self.error
         self.intake.floor = END if ended else max(self.intake.floor, bound)
+        if self.intake.floor >= self.until:
+            self.intake.floor = END
+            self.stop()
         yield Batch([], self.intake.floor)
 
     def stop(self) -> None:
         """Ask the thread to end at its next item."""
         self.stopping = True
+
+
+_NO_MORE = object()
+
+
+def _close(items: Any) -> None:
+    """Let a generator release what it holds; another iterator has nothing to release."""
+    close = getattr(items, "close", None)
+    if close is not None:
+        close()
 
 
 def _messages_in(item: Any) -> int:

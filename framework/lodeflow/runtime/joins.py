@@ -66,6 +66,8 @@ class Join:
                 if idle and bound < END and not queues[self.lead]:
                     return  # no row waits for it, and the floor is the lead's
                 pump()
+                if not idle:
+                    self.forget(self.moved)
 
         return advance
 
@@ -84,6 +86,8 @@ class Join:
             if self.again:  # more came over a cycle: no promise before that is decided
                 continue
             floor = self.pending[0][0] if self.pending else self.floor()
+            if floor == END:
+                self.forget(END)
             if floor > self.moved:
                 self.moved = floor
                 if self.hears or floor == END:
@@ -104,6 +108,11 @@ class Join:
         queue = self.queues[self.lead]
         floor: int = queue[0].t if queue else self.bounds[self.lead]
         return floor
+
+    def forget(self, floor: int) -> None:
+        """Let go of what no row from `floor` on needs, or a silent lead would fill the memory."""
+        for gate in self.gates:
+            gate.follow(floor)
 
     def _hold_back(self, t: int, samples: tuple[Any, ...]) -> None:
         self.pending.append((t, samples))
@@ -145,9 +154,12 @@ class _Gate:
 
         return accept, advance
 
-    def is_open(self, t: int) -> bool:
+    def follow(self, t: int) -> None:
         while self.queue and self.queue[0].t <= t:
             self.value = getattr(self.queue.popleft(), self.field)
+
+    def is_open(self, t: int) -> bool:
+        self.follow(t)
         return self.value in self.allowed
 
 
@@ -205,6 +217,13 @@ class ExactJoin(Join):
                     return END
         return floor
 
+    def forget(self, floor: int) -> None:
+        super().forget(floor)
+        for i in self.others:
+            queue = self.queues[i]
+            while queue and queue[0].t < floor:
+                queue.popleft()
+
 
 class NearestJoin(Join):
     """The nearest message of every other input, within a distance."""
@@ -231,6 +250,13 @@ class NearestJoin(Join):
                 self.deliver(t, tuple(samples))
             else:
                 self.counters.unmatched += 1
+
+    def forget(self, floor: int) -> None:
+        super().forget(floor)
+        for i in self.others:
+            queue = self.queues[i]
+            while len(queue) > 1 and queue[1].t <= floor:
+                queue.popleft()
 
     def _best(self, i: int, t: int) -> tuple[Any, int]:
         """Return the nearest message so far and its distance; None, within + 1 if none is near."""
@@ -271,6 +297,13 @@ class HoldJoin(Join):
                 self.counters.unmatched += 1
             else:
                 self.deliver(message.t, tuple(values))
+
+    def forget(self, floor: int) -> None:
+        super().forget(floor)
+        for i in self.others:
+            queue = self.queues[i]
+            while queue and queue[0].t < floor + self.ahead:
+                self.values[i] = queue.popleft()
 
 
 class EachJoin(Join):

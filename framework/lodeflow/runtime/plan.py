@@ -11,7 +11,7 @@ from lodeflow.graph.model import Gate, Graph, GraphNode, Loss, Wire
 from lodeflow.graph.topology import order
 from lodeflow.messages.message import Message
 from lodeflow.node import InputPort, Node, NodeSpec, OutputPort, Source
-from lodeflow.sync import Each, Sync
+from lodeflow.sync import NEVER, Each, Sync
 
 Tap = Callable[[Message], None]
 """Gets every message of a port, as sample or block, in order; it must not block or write."""
@@ -54,7 +54,7 @@ class PlanNode:
         self.counters = Counters(sent={port.name: 0 for port in self.spec.outputs})
         self.lookback = 0
         if isinstance(self.plugin, Node):
-            self.lookback = int(self.plugin.lookback)
+            self.lookback = self.plugin.lookback
 
     @property
     def wired(self) -> list[InputPort]:
@@ -87,8 +87,9 @@ class PlanNode:
     def failure(self, what: str, t: Any, error: BaseException) -> NodeFailure:
         """Return the error to raise when the plugin raised: node, stamp, inputs, and cause."""
         inputs = ", ".join(f"{port}={wire}" for port, wire in self.wires.items())
+        when = "before its first message" if t == NEVER else f"at t={t}"
         failure = NodeFailure(
-            f"node '{self.name}' ({type(self.plugin).__name__}.{what}) failed at t={t}"
+            f"node '{self.name}' ({type(self.plugin).__name__}.{what}) failed {when}"
             f"{f' on {inputs}' if inputs else ''}: {type(error).__name__}: {error}"
         )
         failure.__cause__ = error
@@ -143,7 +144,7 @@ class Plan:
             try:
                 node.plugin.start()
             except Exception as error:
-                raise node.failure("start", "the start", error) from error
+                raise node.failure("start", NEVER, error) from error
 
 
 def check_output(node: PlanNode, port: OutputPort, message: Any) -> None:

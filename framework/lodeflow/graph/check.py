@@ -1,0 +1,274 @@
+"""From the tree of a graph file to a checked Graph; every mistake becomes a problem."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, get_args
+
+from lodeflow.errors import NodeError, did_you_mean
+from lodeflow.graph.arguments import NAME, RECORD_FIELDS, path_fields
+from lodeflow.graph.layers import NODE_KEYS
+from lodeflow.graph.model import Graph, GraphNode, Loss, Record, Wire
+from lodeflow.graph.parameters import read_params
+from lodeflow.graph.plugins import Plugin, load_plugin
+from lodeflow.graph.problems import Problems, join, show
+from lodeflow.graph.tree import Tree
+from lodeflow.graph.wiring import Wiring
+from lodeflow.params import Params
+
+FORMAT = 1
+"""The version of the file format that this code reads."""
+KEYS = ("lodeflow", "name", "args", "nodes", "record", "processes")
+RECORDED_TO = "recordings/{name}-{start}.mcap"
+
+_GRAPH_NAME = re.compile(r"[a-z][a-z0-9_-]*")
+
+
+def check(
+    tree: Tree, args: Mapping[str, Any], problems: Problems, **described: Any
+) -> Graph | None:
+    """Return the graph that a tree describes, or None after adding every problem found.
+
+    Args:
+        tree: the file after overrides, args filled in.
+        args: values of the args.
+        problems: where problems are added.
+        described: further attributes of the graph.
+    """
+    if tree.value is None:
+        what = f"empty; a graph file begins with 'lodeflow: {FORMAT}'"
+        problems.add(tree.place, "", what)
+        return None
+    if not isinstance(tree.value, dict):
+        tree.refuse(problems, "", f"should be a mapping of {', '.join(KEYS)}")
+        return None
+    _check_keys(tree, "", KEYS, problems)
+    _version(tree, problems)
+    name = _graph_name(tree, problems)
+    if (drafts := _nodes(tree, problems)) is None:
+        return None
+    wiring = Wiring({node: draft.plugin for node, draft in drafts.items()}, problems)
+    finished = {node: draft.finish(wiring, problems) for node, draft in drafts.items()}
+    nodes = {node: found for node, found in finished.items() if found}
+    wiring.cycles(nodes)
+    record = _record(tree, args, wiring, problems)
+    processes = _processes(tree, drafts, problems)
+    return None if len(problems) else Graph(name, nodes, record, processes, args, **described)
+
+
+def _check_keys(tree: Tree, path: str, known: Iterable[str], problems: Problems) -> None:
+    for name, value in tree.entries.items():
+        if name not in known:
+            near = did_you_mean(name, known) or f" (keys: {', '.join(known)})"
+            problems.add(value.name_place, join(path, name), f"unknown key{near}")
+
+
+def _is_misspelt(tree: Tree, name: str, known: Iterable[str]) -> bool:
+    """Whether a key that is missing is there under a wrong name, which is told already."""
+    strange = tree.entries.keys() - set(known)
+    return any(f"'{name}'" in did_you_mean(other, known) for other in strange)
+
+
+def _missing(tree: Tree, name: str, what: str, problems: Problems) -> None:
+    if not _is_misspelt(tree, name, KEYS):
+        problems.add(replace(tree.place, length=0), name, f"missing; {what}")
+
+
+def _mapping(tree: Tree | None, path: str, what: str, problems: Problems) -> dict[str, Tree]:
+    """Return the entries of a mapping; null is an empty one."""
+    if tree is None or tree.value is None:
+        return {}
+    if not isinstance(tree.value, dict):
+        tree.refuse(problems, path, f"should be a mapping of {what}, got {show(tree.plain())}")
+    return tree.entries
+
+
+def _version(tree: Tree, problems: Problems) -> None:
+    version = tree.find("lodeflow")
+    if version is None:
+        what = f"a graph file begins with 'lodeflow: {FORMAT}', the version of its format"
+        _missing(tree, "lodeflow", what, problems)
+    elif type(version.value) is not int or version.value != FORMAT:
+        what = f"should be {FORMAT}, the version of the format that this lodeflow reads"
+        version.refuse(problems, "lodeflow", f"{what}, got {show(version.plain())}")
+
+
+def _graph_name(tree: Tree, problems: Problems) -> str:
+    name = tree.find("name")
+    rule = "a name is a-z, then a-z, 0-9, _ and -; it goes into keys and file names"
+    if name is None:
+        _missing(tree, "name", rule, problems)
+    elif not isinstance(name.value, str) or not _GRAPH_NAME.fullmatch(name.value):
+        name.refuse(problems, "name", f"{rule}, got {show(name.plain())}")
+    else:
+        return name.value
+    return ""
+
+
+class _Draft:
+    """One node while it is checked."""
+
+    def __init__(self, name: str, tree: Tree, others: Iterable[str], problems: Problems) -> None:
+        self.name, self.tree, self.path = name, tree, join("nodes", name)
+        self.use = ""
+        self.plugin: Plugin | None = None
+        if not NAME.fullmatch(name):
+            problems.add(tree.name_place, self.path, "a name is a-z, then a-z, 0-9 and _")
+        if not isinstance(tree.value, dict):
+            what = f"should be a mapping, such as {{use: plugin}}, got {show(tree.plain())}"
+            tree.refuse(problems, self.path, what)
+            return
+        _check_keys(tree, self.path, NODE_KEYS, problems)
+        self._load(others, problems)
+
+    def _load(self, others: Iterable[str], problems: Problems) -> None:
+        use = self.tree.find("use")
+        path = join(self.path, "use")
+        if use is None:
+            if _is_misspelt(self.tree, "use", NODE_KEYS):
+                return
+            near = did_you_mean(self.name, [other for other in others if other != self.name])
+            what = f"missing; name a plugin, or module:Class{near and f'; or{near[1:]}'}"
+            problems.add(self.tree.name_place, path, what)
+        elif not isinstance(use.value, str):
+            what = f"should be a plugin or module:Class, got {show(use.plain())}"
+            use.refuse(problems, path, what)
+        else:
+            self.use = use.value
+            try:
+                self.plugin = load_plugin(use.value)
+            except NodeError as error:
+                use.refuse(problems, path, str(error))
+
+    def finish(self, wiring: Wiring, problems: Problems) -> GraphNode | None:
+        """Return the node with its parameters and wires, as far as they are right."""
+        owner, plugin = self.tree.name_place, self.plugin
+        inputs = wiring.inputs(self.name, self.tree.find("inputs"), owner)
+        gates = wiring.gates(self.name, self.tree.find("when"))
+        allow = self._allow(problems)
+        if plugin is None:
+            return None
+        path = join(self.path, "params")
+        params = read_params(plugin, self.use, self.tree.find("params"), path, owner, problems)
+        return GraphNode(
+            self.name,
+            self.use,
+            plugin,
+            Params() if params is None else params,
+            inputs,
+            gates,
+            frozenset(allow),
+        )
+
+    def _allow(self, problems: Problems) -> list[Loss]:
+        tree, path = self.tree.find("allow"), join(self.path, "allow")
+        if tree is None:
+            return []
+        if self.plugin is not None and not self.plugin.spec.is_source:
+            what = f"only a source drops samples, and {self.plugin.__name__} is none; remove it"
+            problems.add(tree.name_place, path, what)
+            return []
+        losses: tuple[Loss, ...] = get_args(Loss)
+        if not isinstance(tree.value, tuple):
+            what = f"should be a list of {', '.join(losses)}, got {show(tree.plain())}"
+            tree.refuse(problems, path, what)
+        for at, item in enumerate(tree.items):
+            if item.value not in losses:
+                near = did_you_mean(str(item.value), losses) or f" (losses: {', '.join(losses)})"
+                item.refuse(
+                    problems, join(path, at), f"no loss is called {show(item.plain())}{near}"
+                )
+        return [loss for loss in losses if loss in tree.plain()] if tree.items else []
+
+
+def _nodes(tree: Tree, problems: Problems) -> dict[str, _Draft] | None:
+    """Return the nodes, or None where there are none to speak of."""
+    nodes = tree.find("nodes")
+    if nodes is None:
+        _missing(tree, "nodes", "a graph has nodes, {name: {use: plugin}}", problems)
+        return None
+    given = _mapping(nodes, "nodes", "names to {use: plugin}", problems)
+    if nodes.value in (None, {}):
+        problems.add(nodes.name_place, "nodes", "empty; a graph has at least one node")
+    drafts = {name: _Draft(name, node, given, problems) for name, node in given.items()}
+    return drafts or None
+
+
+def _record(
+    tree: Tree, args: Mapping[str, Any], wiring: Wiring, problems: Problems
+) -> Record | None:
+    record = tree.find("record")
+    if record is None or record.value is None:
+        return None
+    given = _mapping(record, "record", "to and streams", problems)
+    _check_keys(record, "record", ("to", "streams"), problems)
+    to = RECORDED_TO
+    if path := given.get("to"):
+        if isinstance(path.value, str) and path.value:
+            to = path.value
+            _check_path(path, to, args, problems)
+        else:
+            what = f"should be the path of a file, such as {RECORDED_TO}, got {show(path.plain())}"
+            path.refuse(problems, "record.to", what)
+    streams = given.get("streams")
+    if streams is None or streams.value == "all":
+        return Record(to)
+    if not isinstance(streams.value, tuple):
+        what = f"should be all, or a list of streams, got {show(streams.plain())}"
+        streams.refuse(problems, "record.streams", what)
+    wires: dict[Wire, None] = {}
+    for at, item in enumerate(streams.items):
+        wires.update(dict.fromkeys(wiring.recorded(item, join("record", "streams", at))))
+    return Record(to, tuple(wires))
+
+
+def _check_path(path: Tree, to: str, args: Mapping[str, Any], problems: Problems) -> None:
+    fields = path_fields(to)
+    if fields is None:
+        path.refuse(problems, "record.to", "a '{' or '}' has no partner; write {name} or {start}")
+        return
+    known = (*RECORD_FIELDS, *args)
+    for field in fields:
+        if field not in known:
+            near = did_you_mean(field, known) or f" (fields: {', '.join(known)})"
+            path.refuse(problems, "record.to", f"nothing is called {{{field}}}{near}")
+        elif field in args and not isinstance(args[field], (str, int, float)):
+            what = f"the arg '{field}' is {show(args[field])}, which cannot stand in a path"
+            what += f"; give one with --arg {field}=..." if args[field] is None else ""
+            path.refuse(problems, "record.to", what)
+
+
+def _processes(
+    tree: Tree, nodes: Mapping[str, _Draft], problems: Problems
+) -> dict[str, tuple[str, ...]]:
+    given = tree.find("processes")
+    groups = _mapping(given, "processes", "groups to lists of nodes", problems)
+    placed: dict[str, str] = {}
+    found: dict[str, tuple[str, ...]] = {}
+    for group, members in groups.items():
+        path = join("processes", group)
+        if not _GRAPH_NAME.fullmatch(group):
+            what = "a name is a-z, then a-z, 0-9, _ and -"
+            problems.add(members.name_place, path, what)
+        if not members.items:
+            what = f"should be a list of nodes, got {show(members.plain())}"
+            members.refuse(problems, path, what)
+        for item in members.items:
+            name = item.value
+            if not isinstance(name, str) or name not in nodes:
+                near = did_you_mean(str(name), nodes)
+                item.refuse(problems, path, f"no node {show(item.plain())}{near}")
+            elif name in placed:
+                what = f"'{name}' is in group '{placed[name]}' already; a node runs in one"
+                item.refuse(problems, path, what)
+            else:
+                placed[name] = group
+        found[group] = tuple(str(item.value) for item in members.items)
+    missing = [name for name in nodes if name not in placed]
+    all_right = sum(map(len, found.values())) == len(placed)
+    if given and groups and missing and all_right:
+        what = f"in no group: {', '.join(missing)}; add to one"
+        problems.add(given.name_place, "processes", what)
+    return found

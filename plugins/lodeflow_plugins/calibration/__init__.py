@@ -1,0 +1,1 @@
+"""Sensor error models and their calibration."""

@@ -1,0 +1,1 @@
+"""Attitude and heading from several sensors."""

@@ -1,0 +1,1 @@
+"""Linear Kalman filter on the attitude quaternion."""

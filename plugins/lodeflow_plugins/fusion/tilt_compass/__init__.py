@@ -1,0 +1,1 @@
+"""Tilt-compensated compass."""

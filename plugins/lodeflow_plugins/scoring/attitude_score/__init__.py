@@ -1,0 +1,1 @@
+"""Attitude error of an estimate."""

@@ -1,0 +1,1 @@
+"""A simulated vehicle with an IMU and a magnetometer."""

@@ -1,0 +1,69 @@
+"""The front door: complete, sorted, light, and enough for a plugin."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import lodeflow as lf
+
+FRAMEWORK = Path(lf.__file__).parent
+
+HEAVY = {"numba", "scipy", "zenoh", "mcap", "yaml", "click", "rich", "rosbags", "zstandard"}
+
+
+def exported() -> set[str]:
+    return {
+        name
+        for name, value in vars(lf).items()
+        if not name.startswith("_") and not isinstance(value, types.ModuleType)
+    }
+
+
+def natural(name: str) -> tuple[object, ...]:
+    """Return a key by which constants come first, then classes, then functions; UInt8 < UInt32."""
+    parts = [part.zfill(9) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+    return (not name.isupper(), not name[0].isupper(), parts)
+
+
+def test_all_is_complete() -> None:
+    assert set(lf.__all__) == exported()
+    assert len(lf.__all__) == len(set(lf.__all__))
+
+
+def test_all_is_sorted() -> None:
+    assert lf.__all__ == sorted(lf.__all__, key=natural)
+
+
+def test_the_version_is_that_of_the_distribution() -> None:
+    text = (FRAMEWORK.parents[1] / "pyproject.toml").read_text()
+    assert re.search(rf'^version = "{re.escape(lf.__version__)}"$', text, re.MULTILINE)
+
+
+def test_every_public_message_unit_and_error_is_at_the_door() -> None:
+    from lodeflow import errors
+    from lodeflow.messages import fields, units, vocabulary
+
+    for module in (errors, units, vocabulary, fields):
+        for name, value in vars(module).items():
+            own = isinstance(value, type) and value.__module__ == module.__name__
+            if own and not name.startswith("_") and name not in {"Kind", "FieldSpec"}:
+                assert getattr(lf, name) is value
+
+
+def test_importing_it_brings_in_nothing_heavy_and_no_inner_layer() -> None:
+    code = "import sys, lodeflow; print(*sys.modules)"
+    found = subprocess.run(
+        [sys.executable, "-c", code],
+        env={"PYTHONPATH": str(FRAMEWORK.parent)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    modules = set(found.stdout.split())
+    assert not {module.partition(".")[0] for module in modules} & HEAVY
+    inner = ("graph", "runtime", "recording", "transport", "supervisor", "study", "cli", "testing")
+    assert not modules & {f"lodeflow.{name}" for name in inner}
