@@ -25,5 +25,7 @@ def command(graphs: tuple[Path, ...], overrides: dict[str, Any]) -> int:
             click.echo(str(error), err=True)
             problems += len(error.problems)
         else:
+            for note in graph.notes:
+                click.echo(note, err=True)
             click.echo(f"{path}: {len(graph.nodes)} nodes, good")
     return 1 if problems else 0

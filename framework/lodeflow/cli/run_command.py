@@ -48,6 +48,8 @@ def command(
     if record is not None and no_record:
         raise click.UsageError("--record and --no-record exclude each other")
     loaded = load_graph(graph, **overrides)
+    for note in loaded.notes:
+        STATUS.print(note, soft_wrap=True)
     log_to_stderr()
     with _Progress() as progress:
         summary = run(

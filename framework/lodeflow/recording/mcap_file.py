@@ -167,7 +167,7 @@ class McapFile:
         if op != Op.FOOTER or length != 20 or start > self._size - _TAIL.size:
             raise self.error("is damaged: its footer is wrong")
         if not start:
-            raise self.error("has no summary; the command 'mcap sort' writes it anew with one")
+            raise self.error("has no summary; 'mcap recover' writes the file anew with one")
         summary = self._bytes(start, self._size - start)
         if crc and zlib.crc32(summary[: -len(MAGIC) - 4]) != crc:
             raise self.error("is damaged: the CRC of its summary differs")
@@ -194,11 +194,11 @@ class McapFile:
         except (McapError, struct.error, ValueError, OverflowError) as error:
             raise self.error(f"its summary is damaged: {type(error).__name__}: {error}") from error
         if statistics is None:
-            raise self.error("its summary has no statistics; 'mcap sort' writes the file anew")
+            raise self.error("its summary has no statistics; 'mcap recover' writes the file anew")
         self.counts = statistics.channel_message_counts
         schemas = {channel.schema_id for channel in channels.values()} - {0}
         if not (self.counts.keys() <= channels.keys() and schemas <= self.schemas.keys()):
-            raise self.error("its summary lacks channels; 'mcap sort' writes the file anew")
+            raise self.error("its summary lacks channels; 'mcap recover' writes the file anew")
         self.channels = sorted(channels.values(), key=lambda channel: channel.id)
         self.chunks.sort(key=lambda place: place.chunk_start_offset)
 

@@ -134,7 +134,7 @@ class StreamDecoder:
         if t[0] <= self._last:
             raise MessageError(
                 f"the stamp {t[0]} ns does not lie behind {self._last} ns, of an earlier chunk; "
-                "if its log times overlap, 'mcap sort' puts it in order"
+                "if chunks overlap in time, 'mcap sort' puts them in order"
             )
         self._last = int(t[-1])
         return block

@@ -180,7 +180,7 @@ class Recording:
                 raise self._file.error(
                     f"'{topic}' has {self.topics[topic].messages} messages, but the index leads to "
                     f"{stream.count}. Messages outside of chunks, or in chunks without a message "
-                    "index, cannot be read; 'mcap sort' writes the file anew"
+                    "index, cannot be read; 'mcap recover' writes the file anew"
                 )
 
     def _decoder(self, topic: str, kind: type[Message]) -> StreamDecoder:

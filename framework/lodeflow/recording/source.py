@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class Sensors(NamedTuple):
 
 class RecordedSensors(Source):
     """Inertial and magnetic measurements of a recording, with the reference attitude."""
+
+    example: ClassVar = {"file": "recordings/walk.mcap", "imu": "/device/imu", "mag": "/device/mag"}
 
     class Params(BaseParams):
         """Which file, and which topics of it."""

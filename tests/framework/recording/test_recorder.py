@@ -119,6 +119,19 @@ def test_blocks_and_samples_give_the_same_recording(path, tmp_path):
     assert record(path) == record(tmp_path / "samples.mcap", speed=100.0)
 
 
+def test_samples_and_blocks_of_one_stream_keep_their_order(path):
+    plan, wire = plan_of(), Wire("double", "out")
+    block = lf.AngularRate(np.arange(9), np.arange(27.0).reshape(9, 3))
+    recorder = Recorder(path, graph="", provenance={})
+    recorder.attach(plan, [wire])
+    (tap,) = plan.taps[wire]
+    for message in (block.row(0), block.row(1), block[2:5], block[5:6], block.row(6), block[7:9]):
+        tap(message)
+    recorder.close({})
+    with Recording(path) as recording:
+        assert list(recording.stream("/double", lf.AngularRate)) == [block]
+
+
 def test_graph_and_provenance_stand_right_behind_the_header(path):
     record(path)
     with path.open("rb") as file:

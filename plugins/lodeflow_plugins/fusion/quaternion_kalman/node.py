@@ -9,8 +9,10 @@ from pydantic import Field
 import lodeflow as lf
 from lodeflow_plugins.fusion.quaternion_kalman import filter as kalman
 from lodeflow_plugins.fusion.quaternion_kalman.fuse import fuse
+from lodeflow_plugins.fusion.quaternion_kalman.single import fuse_one, run_one
 
-PRESENT, ABSENT = np.zeros(1, np.int64), np.full(1, -1)
+PRESENT, ABSENT = 0, -1
+NO_QUATERNION, NO_FIELD = np.zeros(4), np.zeros(3)
 
 
 class KalmanParams(lf.Params):
@@ -30,6 +32,11 @@ class KalmanParams(lf.Params):
         return kalman.constants(self.gyro_noise, self.measurement_variance, self.initial_variance)
 
 
+def none_of(kind: type[lf.Message]) -> lf.Sparse:
+    """An input without rows."""
+    return lf.Sparse(kind.empty(), np.empty(0, np.int64), np.empty(0, np.int64))
+
+
 def held(column: np.ndarray, rows: np.ndarray, before: np.ndarray) -> np.ndarray:
     """For each row the last value at or before it; `before` serves until there is one.
 
@@ -37,7 +44,7 @@ def held(column: np.ndarray, rows: np.ndarray, before: np.ndarray) -> np.ndarray
     """
     if len(column) == len(rows):
         return column
-    return np.concatenate([before, column])[np.maximum.accumulate(rows) + 1]
+    return np.concatenate([before[None], column])[np.maximum.accumulate(rows) + 1]
 
 
 def at_samples(imu: lf.Sparse[lf.Imu], first: int, quaternion: np.ndarray) -> lf.Attitude:
@@ -66,23 +73,17 @@ class QuaternionKalman(lf.Node):
     def start(self) -> None:
         self.constants = self.params.constants()
         self.state = kalman.new_state()
-        self.rate = np.zeros((1, 3))
-        self.t = np.empty(1, np.int64)
-        none = np.empty(0, np.int64)
-        nothing = np.empty((0, 4))
-        kalman.run(none, np.empty((0, 3)), nothing, none, self.constants, self.state, nothing)
-        self.nothing = nothing
+        self.rate = np.zeros(3)
+        self.step_block(none_of(lf.Imu), none_of(lf.Attitude))  # compiles
+        run_one(0, self.rate, NO_QUATERNION, ABSENT, self.constants, self.state)
 
     def step(self, imu: lf.Imu | None, measured: lf.Attitude | None) -> lf.Attitude | None:
         if imu is not None:
-            self.t[0] = imu.t
-            self.rate = imu.angular_velocity[None]
-        else:
-            self.t[0] = measured.t
-        z, row = (measured.quaternion[None], PRESENT) if measured else (self.nothing, ABSENT)
-        out = np.empty((1, 4))
-        first = kalman.run(self.t, self.rate, z, row, self.constants, self.state, out)
-        return lf.Attitude(imu.t, out[0]) if imu and first == 0 else None
+            self.rate = imu.angular_velocity
+        t = measured.t if imu is None else imu.t
+        z, row = (NO_QUATERNION, ABSENT) if measured is None else (measured.quaternion, PRESENT)
+        first, quaternion = run_one(t, self.rate, z, row, self.constants, self.state)
+        return lf.Attitude(t, quaternion) if first == 0 and imu is not None else None
 
     def step_block(
         self, imu: lf.Sparse[lf.Imu], measured: lf.Sparse[lf.Attitude]
@@ -91,7 +92,7 @@ class QuaternionKalman(lf.Node):
         out = np.empty((len(imu.t), 4))
         z = measured.values.quaternion
         first = kalman.run(imu.t, rate, z, measured.rows, self.constants, self.state, out)
-        self.rate = rate[-1:].copy()
+        self.rate = rate[-1].copy() if len(rate) else self.rate
         return at_samples(imu, first, out)
 
 
@@ -121,43 +122,34 @@ class ChuFuser(lf.Node):
         """Specific force at rest; only the gate needs it."""
 
     def start(self) -> None:
-        self.constants = self.params.constants()
-        self.tolerance = math.inf if self.params.gate is None else self.params.gate
-        self.state = kalman.new_state()
-        self.rate = np.zeros((1, 3))
-        self.force = np.full((1, 3), np.nan)  # passes no gate: no attitude before the first sample
-        self.t = np.empty(1, np.int64)
-        self.nothing = np.empty((0, 3))
-        none = np.empty(0, np.int64)
-        self._fuse(none, self.nothing, self.nothing, self.nothing, none)
-
-    def _fuse(
-        self,
-        t: np.ndarray,
-        rate: np.ndarray,
-        force: np.ndarray,
-        field: np.ndarray,
-        row: np.ndarray,
-    ) -> tuple[int, np.ndarray]:
-        gravity = self.params.gravity
-        return fuse(t, rate, force, field, row, gravity, self.tolerance, self.constants, self.state)
+        p = self.params
+        # As the kernels take them, after what they have for each row.
+        self.settings = (
+            p.gravity,
+            math.inf if p.gate is None else p.gate,
+            p.constants(),
+            kalman.new_state(),
+        )
+        self.rate = np.zeros(3)
+        self.force = np.full(3, np.nan)  # passes no gate: no attitude before the first sample
+        self.step_block(none_of(lf.Imu), none_of(lf.MagneticField))  # compiles
+        fuse_one(0, self.rate, self.force, NO_FIELD, ABSENT, *self.settings)
 
     def step(self, imu: lf.Imu | None, mag: lf.MagneticField | None) -> lf.Attitude | None:
         if imu is not None:
-            self.t[0] = imu.t
-            self.rate = imu.angular_velocity[None]
-            self.force = imu.linear_acceleration[None]
-        else:
-            self.t[0] = mag.t
-        field, row = (mag.magnetic_field[None], PRESENT) if mag else (self.nothing, ABSENT)
-        first, quaternion = self._fuse(self.t, self.rate, self.force, field, row)
-        return lf.Attitude(imu.t, quaternion[0]) if imu and first == 0 else None
+            self.rate, self.force = imu.angular_velocity, imu.linear_acceleration
+        t = mag.t if imu is None else imu.t
+        field, row = (NO_FIELD, ABSENT) if mag is None else (mag.magnetic_field, PRESENT)
+        first, quaternion = fuse_one(t, self.rate, self.force, field, row, *self.settings)
+        return lf.Attitude(t, quaternion) if first == 0 and imu is not None else None
 
     def step_block(
         self, imu: lf.Sparse[lf.Imu], mag: lf.Sparse[lf.MagneticField]
     ) -> lf.Attitude | None:
         rate = held(imu.values.angular_velocity, imu.rows, self.rate)
         force = held(imu.values.linear_acceleration, imu.rows, self.force)
-        first, quaternion = self._fuse(imu.t, rate, force, mag.values.magnetic_field, mag.rows)
-        self.rate, self.force = rate[-1:].copy(), force[-1:].copy()
+        field = mag.values.magnetic_field
+        first, quaternion = fuse(imu.t, rate, force, field, mag.rows, *self.settings)
+        if len(rate):
+            self.rate, self.force = rate[-1].copy(), force[-1].copy()
         return at_samples(imu, first, quaternion)

@@ -1,0 +1,24 @@
+"""The modules beside the tests are imported by name."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from command_line import CommandLine
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def lodeflow(tmp_path: Path) -> CommandLine:
+    return CommandLine(tmp_path)
+
+
+@pytest.fixture
+def graphs() -> Path:
+    return ROOT / "graphs"

@@ -1,0 +1,399 @@
+"""The engine: whole runs with either driver, stopping, pacing, and live sources."""
+
+from __future__ import annotations
+
+import random
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from runtime_toys import (
+    Add,
+    Copy,
+    Pair,
+    Reading,
+    block,
+    graph,
+    ramp,
+    reading,
+    rows,
+    source,
+    tapped,
+)
+
+import lodeflow as lf
+from lodeflow.clock import SimClock, WallClock
+from lodeflow.errors import ContractError, NodeFailure, RunError
+from lodeflow.graph.model import Graph
+from lodeflow.messages.cdr import layout_of
+from lodeflow.runtime.engine import Engine
+from lodeflow.runtime.plan import Plan
+
+FAST = 1e9
+"""A speed at which pacing costs no time."""
+
+
+class Sum(lf.Node):
+    def start(self) -> None:
+        self.sum, self.t = 0.0, None
+
+    def step(self, x: Reading) -> Reading | None:
+        self.sum += x.x
+        self.t = x.t
+        return None if x.t % 3 else x.replace(x=self.sum)
+
+    def finish(self) -> Reading | None:
+        return None if self.t is None else Reading(self.t + 1, self.sum)
+
+
+class Scale(lf.Node):
+    def step_block(self, x: Reading) -> Reading | None:
+        keep = x.x % 2 < 1
+        return Reading(x.t[keep], x.x[keep] * 2.5)
+
+
+class Held(lf.Node):
+    sync = lf.Hold("x", initial={"y": Reading(0, -1.0)})
+
+    def step(self, x: Reading, y: Reading) -> Reading | None:
+        return x.replace(x=x.x / 3 + y.x * y.t)
+
+
+class Near(lf.Node):
+    sync = lf.Nearest("y", within=4)
+    lookback = 2
+
+    def step(self, x: Reading, y: Reading) -> Reading | None:
+        return y.replace(t=y.t - 2, x=x.x - y.x)
+
+
+def mixed(*first: Any) -> Graph:
+    rng = random.Random(3)
+    stamps = sorted(rng.sample(range(400), 120))
+    slow = block(*[(t * 1000, rng.random()) for t in stamps])
+    second = [Pair(slow[i : i + 17], slow[i : i + 17 : 3]) for i in range(0, 120, 17)]
+    return graph(
+        fast=source(*first),
+        pair=source(*second, pair=True),
+        sum=(Sum, {"x": "fast"}),
+        scale=(Scale, {"x": "pair.a"}),
+        held=(Held, {"x": "scale", "y": "sum"}),
+        near=(Near, {"x": "pair.b", "y": "held"}),
+        add=(Add, {"x": "near", "y": "near"}),
+    )
+
+
+def run(graph: Graph, **options: Any) -> tuple[dict[str, bytes], dict[str, Any], Engine]:
+    """Return the bytes of each stream, the counters, and the engine of a run."""
+    plan = Plan(graph)
+    streams: dict[str, bytes] = {}
+    for wire in graph.streams():
+        streams[str(wire)] = b""
+
+        def tap(message: Any, name: str = str(wire)) -> None:
+            many = message if message.is_block else message.as_block()
+            streams[name] += layout_of(type(many)).encode_block(many).tobytes()
+
+        plan.tap(wire, tap)
+    engine = Engine(plan, **options)
+    engine.run()
+    return streams, {name: node.counters for name, node in plan.nodes.items()}, engine
+
+
+def test_paced_samples_and_blocks_give_the_same_bytes_and_counts() -> None:
+    whole = ramp(300, 1000)
+    graphs = [
+        mixed(whole),
+        mixed(*[whole[i : i + 7] for i in range(0, 300, 7)]),
+        mixed(*[whole.row(i) for i in range(300)]),
+    ]
+    runs = [run(g, **options) for g in graphs for options in ({}, {"speed": FAST})]
+    streams, counters, engine = runs[0]
+    assert all(streams.values())
+    for other, other_counters, other_engine in runs[1:]:
+        assert other == streams
+        assert other_counters == counters
+        assert (other_engine.first, other_engine.span) == (engine.first, engine.span)
+
+
+@pytest.mark.parametrize("options", [{}, {"speed": FAST}])
+@pytest.mark.parametrize("bad", [0, 5])
+def test_dropped_rows_are_the_same_with_either_driver(options: dict[str, Any], bad: int) -> None:
+    rows_ = [(0, 1.0), (2, float("nan")), (1, 2.0), (1, 3.0), (4, 4.0), (3, 5.0), (5, 6.0)]
+    items = [block(row).row(0) for row in rows_[:bad]] + [block(*rows_[bad:])]
+    plan = Plan(graph(s=source(*items), copy=(Copy, {"x": "s"})))
+    sent = tapped(plan, "copy")
+    Engine(plan, **options).run()
+    assert rows(sent["copy"]) == [(0, 1.0), (1, 2.0), (4, 4.0), (5, 6.0)]
+    assert plan.nodes["s"].counters.lost == {"nonfinite": 1, "disorder": 2}
+    assert plan.nodes["s"].counters.sent == {"out": 4}
+    assert not plan.lossless
+
+
+both = pytest.mark.parametrize("options", [{}, {"speed": FAST}], ids=["blocks", "samples"])
+
+
+@both
+def test_the_duration_counts_from_the_start_and_leaves_its_end_out(options: Any) -> None:
+    plan = Plan(graph(s=source(ramp(10), ramp(20)[10:]), sum=(Sum, {"x": "s"})))
+    sent = tapped(plan, "s", "sum")
+    engine = Engine(plan, duration=7, **options)
+    engine.run()
+    assert [t for t, _ in rows(sent["s"])] == list(range(7))
+    assert rows(sent["sum"])[-1] == (7, 21.0)
+    assert engine.span == 6
+
+
+@both
+def test_a_run_without_data_ends(options: Any) -> None:
+    plan = Plan(graph(s=source(), sum=(Sum, {"x": "s"}), add=(Add, {"x": "s", "y": "sum"})))
+    engine = Engine(plan, **options)
+    engine.run()
+    assert engine.span == 0
+    Engine(Plan(graph()), **options).run()
+
+
+@both
+def test_stopping_ends_the_sources_and_lets_the_nodes_finish(options: Any) -> None:
+    def endless(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        t = 0
+        while True:
+            yield Reading(t, 1.0)
+            t += 1
+
+    plan = Plan(graph(s=reading(endless), u=source(ramp(3)), sum=(Sum, {"x": "s"})))
+    sent = tapped(plan, "s", "sum")
+
+    def watch(t: int) -> None:
+        if t >= 20:
+            engine.stop()
+
+    engine = Engine(plan, watch=watch, **options)
+    engine.run()
+    count = len(rows(sent["s"]))
+    assert 20 <= count <= 23
+    assert rows(sent["sum"])[-1][1] == count
+
+
+@both
+def test_a_stop_before_the_run_runs_no_data(options: Any) -> None:
+    plan = Plan(graph(s=source(ramp(3)), sum=(Sum, {"x": "s"})))
+    sent = tapped(plan, "s", "sum")
+    engine = Engine(plan, **options)
+    engine.stop()
+    engine.run()
+    assert sent == {"s": [], "sum": []}
+
+
+@both
+def test_watch_hears_of_the_time_reached_and_may_end_the_run(options: Any) -> None:
+    closed = []
+
+    def guarded(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        try:
+            for i in range(10):
+                yield Reading(i, 0.0)
+        finally:
+            closed.append(True)
+
+    heard = []
+
+    def watch(t: int) -> None:
+        heard.append(t)
+        if t >= 4:
+            raise KeyboardInterrupt
+
+    plan = Plan(graph(s=reading(guarded), copy=(Copy, {"x": "s"})))
+    with pytest.raises(KeyboardInterrupt):
+        Engine(plan, watch=watch, **options).run()
+    assert heard == sorted(heard)
+    assert heard[-1] == 4
+    assert closed == [True]
+    assert plan.nodes["copy"].counters.sent["out"] >= 4
+
+
+@both
+def test_a_failure_ends_the_run_and_closes_the_other_sources(options: Any) -> None:
+    closed = []
+
+    def guarded(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        try:
+            yield ramp(4)
+            yield ramp(9)[4:]
+        finally:
+            closed.append(True)
+
+    plan = Plan(graph(s=reading(guarded), u=source(ramp(2), OSError("unplugged"))))
+    with pytest.raises(NodeFailure, match=r"^node 'u' \(Scripted.read\) failed at t=1: OSError: u"):
+        Engine(plan, **options).run()
+    assert closed == [True]
+
+
+@both
+def test_a_source_that_breaks_its_contract_ends_the_run(options: Any) -> None:
+    with pytest.raises(ContractError, match="it must send Reading, got str"):
+        Engine(Plan(graph(s=source("text"))), **options).run()
+
+
+@pytest.mark.parametrize("speed", [0, -1.0, float("nan")])
+def test_a_speed_is_above_zero(speed: float) -> None:
+    with pytest.raises(RunError, match=f"^the speed must be above 0, not {speed}$"):
+        Engine(Plan(graph()), speed=speed)
+
+
+def test_a_duration_is_not_negative() -> None:
+    with pytest.raises(RunError, match=r"^the duration must not be negative, got -5 ns$"):
+        Engine(Plan(graph()), duration=-5)
+
+
+def test_sources_are_given_the_clock_of_the_run() -> None:
+    seen = []
+
+    def look(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        seen.append(clock)
+        yield Reading(clock.start, 0.0)
+
+    plan = Plan(graph(s=reading(look)))
+    engine = Engine(plan)
+    engine.run()
+    assert isinstance(seen[0], SimClock)
+    assert (seen[0].start, seen[0].now()) == (0, 0)
+    live = Plan(graph(s=reading(look, max_delay=10**9)))
+    Engine(live).run()
+    assert isinstance(seen[1], WallClock)
+    assert live.nodes["s"].counters.sent == {"out": 1}
+
+
+def test_pacing_holds_no_message_back_until_the_next_one() -> None:
+    """Between two stamps an hour apart the first is out, though the second is not due."""
+    plan = Plan(graph(s=source(block((0, 1.0), (3_600_000_000_000, 2.0))), sum=(Sum, {"x": "s"})))
+    sent = tapped(plan, "sum")
+    seen = []
+
+    def watch(t: int) -> None:
+        seen.append(rows(sent["sum"]))
+        engine.stop()
+
+    engine = Engine(plan, speed=1.0, watch=watch)
+    engine.run()
+    assert seen == [[(0, 1.0)]]
+    assert plan.nodes["s"].counters.sent == {"out": 1}
+
+
+# Live sources.
+
+
+def test_a_live_run_ends_with_its_sources_and_loses_nothing() -> None:
+    def device(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        for i in range(50):
+            yield Reading(clock.start + i, float(i))
+
+    live = reading(device, max_delay=3_600_000_000_000)
+    plan = Plan(graph(s=live, u=live, sum=(Sum, {"x": "s"}), held=(Held, {"x": "s", "y": "u"})))
+    sent = tapped(plan, "s", "sum", "held")
+    engine = Engine(plan)
+    engine.run()
+    assert [x for _, x in rows(sent["s"])] == [float(i) for i in range(50)]
+    assert rows(sent["sum"])[-1][1] == sum(range(50))
+    assert len(sent["held"]) == 50
+    assert plan.lossless
+    assert engine.span == 49
+
+
+def test_samples_of_long_ago_are_late() -> None:
+    go = threading.Event()
+
+    def device(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        yield Reading(clock.start, 1.0)
+        go.wait()
+        yield Reading(clock.start - 10**15, 2.0)
+        yield Reading(clock.start + 10**12, 3.0)
+
+    plan = Plan(graph(s=reading(device, max_delay=10**9)))
+    sent = tapped(plan, "s")
+    engine = Engine(plan, watch=lambda t: go.set())
+    engine.run()
+    assert [x for _, x in rows(sent["s"])] == [1.0, 3.0]
+    assert plan.nodes["s"].counters.lost == {"late": 1}
+    assert not plan.lossless
+
+
+def test_an_error_in_the_thread_of_a_source_ends_the_run() -> None:
+    def device(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        yield Reading(clock.start, 1.0)
+        raise OSError("unplugged")
+
+    plan = Plan(graph(s=reading(device, max_delay=10**12), sum=(Sum, {"x": "s"})))
+    sent = tapped(plan, "s")
+    with pytest.raises(
+        NodeFailure, match=r"^node 's' \(Scripted.read\) failed at t=\d+: OSError: "
+    ):
+        Engine(plan).run()
+    assert [x for _, x in rows(sent["s"])] == [1.0]
+    assert plan.nodes["s"].counters.sent == {"out": 1}
+
+
+def test_a_stop_ends_a_live_run_and_loses_nothing_that_had_come() -> None:
+    come = threading.Event()
+    forever = threading.Event()
+
+    def device(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        for i in range(5):
+            yield Reading(clock.start + i, float(i))
+        come.set()
+        forever.wait()
+
+    plan = Plan(graph(s=reading(device, max_delay=10**15), sum=(Sum, {"x": "s"})))
+    sent = tapped(plan, "sum")
+    engine = Engine(plan)
+
+    def watch(t: int) -> None:
+        come.wait()
+        engine.stop()
+
+    engine.watch = watch
+    try:
+        engine.run()
+    finally:
+        forever.set()
+    assert rows(sent["sum"])[-1][1] == 10.0
+
+
+def test_the_duration_ends_a_live_run() -> None:
+    forever = threading.Event()
+
+    def device(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        yield Reading(clock.start + 5, 1.0)
+        yield Reading(clock.start + 10**15, 2.0)
+        forever.wait()
+
+    plan = Plan(graph(s=reading(device, max_delay=0), sum=(Sum, {"x": "s"})))
+    sent = tapped(plan, "s")
+    try:
+        Engine(plan, duration=50_000_000).run()
+    finally:
+        forever.set()
+    assert 2.0 not in [x for _, x in rows(sent["s"])]
+    assert plan.nodes["s"].counters.lost.keys() <= {"late"}
+
+
+def test_files_and_devices_run_together() -> None:
+    def device(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        for i in range(20):
+            yield Reading(clock.start + i, float(i))
+
+    def recorded(self: lf.Source, clock: lf.Clock) -> Iterator[Any]:
+        for i in range(20):
+            yield Reading(clock.start + i, 100.0)
+
+    plan = Plan(
+        graph(
+            s=reading(device, max_delay=10**12),
+            u=reading(recorded),
+            add=(Add, {"x": "s", "y": "u"}),
+        )
+    )
+    sent = tapped(plan, "add")
+    Engine(plan).run()
+    assert [x for _, x in rows(sent["add"])] == [100.0 + i for i in range(20)]

@@ -1,0 +1,76 @@
+"""Every installed plugin keeps the contract, and says what its parameters are."""
+
+import numpy as np
+import pytest
+import scipy.io
+
+from lodeflow.graph import load_graph_text
+from lodeflow.registry import registry
+from lodeflow.supervisor.run import run
+from lodeflow.testing import check_node
+
+BUNDLED = {
+    "accel_calibrator", "attitude_score", "broad_trial", "chu_fuser", "csv", "gyro_calibrator",
+    "heading_from_attitude", "imu_combiner", "mag_calibrator", "quaternion_kalman",
+    "recorded_sensors", "simulated_vehicle", "tilt_compass",
+}  # fmt: skip
+
+CSV = """\
+t,gx,gy,gz,ax,ay,az,mx,my,mz
+0,1,2,3,0,0,1,20,0,-40
+10,1,2,3,0,0.1,1,,,
+20.5,4,5,6,0,0,0.9,21,1,-41
+"""
+
+RECORDED = """\
+lodeflow: 1
+name: small
+nodes: {vehicle: {use: simulated_vehicle, params: {duration: 3}}}
+"""
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory):
+    """Parameters of the sources that read a file."""
+    folder = tmp_path_factory.mktemp("files")
+    (folder / "sensors.csv").write_text(CSV)
+    rng = np.random.default_rng(0)
+    trial = {name: rng.standard_normal((3000, 3)) for name in ("imu_gyr", "imu_acc", "imu_mag")}
+    quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (3000, 1))
+    quaternion[::50] = np.nan
+    scipy.io.savemat(
+        folder / "trial.mat",
+        {
+            **trial,
+            "opt_quat": quaternion,
+            "movement": np.ones((3000, 1), np.uint8),
+            "sampling_rate": 2000 / 7,
+        },
+    )
+    summary = run(load_graph_text(RECORDED), record=str(folder / "small.mcap"))
+    assert summary.exit_code == 0
+    topics = {name: f"/vehicle/{name}" for name in ("imu", "mag", "truth")}
+    return {
+        "csv": {**registry().load("csv").example, "file": str(folder / "sensors.csv")},
+        "broad_trial": {"file": str(folder / "trial.mat")},
+        "recorded_sensors": {"file": str(folder / "small.mcap"), **topics},
+    }
+
+
+def test_the_bundled_plugins_are_installed():
+    assert set(registry().nodes) >= BUNDLED
+
+
+@pytest.mark.parametrize("name", sorted(registry().nodes))
+def test_contract(name, files):
+    check_node(registry().load(name), files.get(name))
+
+
+@pytest.mark.parametrize("name", sorted(registry().nodes))
+def test_it_is_documented(name):
+    plugin = registry().load(name)
+    assert plugin.__doc__
+    undocumented = [
+        key for key, field in plugin.Params.model_fields.items() if not field.description
+    ]
+    assert undocumented == []
