@@ -1,6 +1,6 @@
 """Score attitude filters on trials of BROAD, through import, recording and graph.
 
-    LODEFLOW_DATA=FOLDER python benchmarks/broad_table.py [--swap PLUGIN] [--set NODE.PARAM=V] [--json]
+    LODEFLOW_DATA=FOLDER python benchmarks/broad_table.py [--swap PLUGIN] [--set N.P=V] [--json]
 
 FOLDER/broad holds trials (.mat). Each is imported into a recording and run through
 graphs/broad.yaml, once as the graph is ("free") and once with the accelerometer gate at 0.5 m/s^2

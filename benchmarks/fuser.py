@@ -8,7 +8,8 @@ that come out. The filters take turns, and each round begins with another one, s
 of the machine hits all alike; the median round counts. Ratios are to vqf in the same form.
 
 The nodes are driven as in a run: "node quaternion_kalman" gets IMU and measured attitude, "node
-chu_fuser" IMU and field, two messages in and one out, through the driver of blocks or of samples.
+chu_fuser" IMU and field, two messages in and one out, through the driver of blocks or of samples;
+"source alone" brings the same two messages into a graph without the node.
 
 "kalman" is the filter alone, with the measured quaternions given; "compass + kalman" makes them
 from accelerometer and magnetometer first, which is what the others do too; "fused" does the same
@@ -181,6 +182,14 @@ def node_by_samples(plugin: type[lf.Node], second: str) -> Callable[[Pieces], No
     return through
 
 
+def source_by_samples(pieces: Pieces) -> None:
+    plan = Plan(Graph("bench", {"hand": GraphNode("hand", "Hand", Hand, Hand.Params())}))
+    push = SampleDriver(plan).push
+    for imu, other in zip(pieces.imu, pieces.mag, strict=True):
+        push("hand", 0, imu)
+        push("hand", 1, other)
+
+
 def run_vqf_blocks(pieces: Pieces) -> None:
     estimator = vqf.VQF(1.0 / RATE)
     for piece in pieces:
@@ -237,7 +246,7 @@ def main() -> None:
     args = parser.parse_args()
 
     blocks = Pieces(args.samples, args.block)
-    samples = Pieces(min(args.samples, 5000), 1)
+    samples = Pieces(min(args.samples, 10_000), 1)
     results = {
         f"blocks of {args.block}": compete(
             {
@@ -257,6 +266,7 @@ def main() -> None:
                 "kalman": run_kalman,
                 "compass + kalman": run_compass_kalman,
                 "fused": run_fused,
+                "source alone": source_by_samples,
                 "node quaternion_kalman": node_by_samples(QuaternionKalman, "attitude"),
                 "node chu_fuser": node_by_samples(ChuFuser, "mag"),
                 "imufusion": run_imufusion,

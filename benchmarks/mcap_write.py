@@ -3,9 +3,9 @@
     python benchmarks/mcap_write.py [--messages 100000] [--rounds 5] [--block 1000] [--json]
 
 "messages": each begins with message objects, as a program has them: lodeflow with blocks of Imu,
-the peers with a ROS 2 message per sample, serialised by the faster of the two packages that do so in
-Python (rosbags; mcap-ros2-support takes about three times as long). "bytes": the CDR bytes are made
-before the clock starts, and only the writing of MCAP is compared.
+the peers with a ROS 2 message per sample, serialised by the faster of the two packages that do so
+in Python (rosbags; mcap-ros2-support takes about three times as long). "bytes": the CDR bytes are
+made before the clock starts, and only the writing of MCAP is compared.
 
 All write zstd chunks of 1 MiB with message indexes and chunk CRCs (lodeflow and foxglove-sdk also
 a CRC of the whole file): the mcap package and foxglove-sdk by default at level 3, lodeflow at

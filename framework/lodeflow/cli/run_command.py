@@ -15,7 +15,8 @@ from lodeflow.cli.output import RESULT, STATUS, log_to_stderr, print_json, score
 from lodeflow.clock import monotonic
 from lodeflow.graph import load_graph
 from lodeflow.runtime.plan import Plan
-from lodeflow.supervisor.run import Summary, run
+from lodeflow.supervisor.run import run
+from lodeflow.supervisor.summary import Summary
 
 
 @click.command()

@@ -52,5 +52,5 @@ def _versions(graph: Graph) -> dict[str, str]:
 
 def _cpu_features() -> list[str]:
     """Return the SIMD extensions in use: sin and exp may differ in the last bit between them."""
-    config: dict[str, Any] = np.show_config(mode="dicts") or {}  # type: ignore[no-untyped-call,assignment]
+    config: dict[str, Any] = np.show_config(mode="dicts") or {}  # type: ignore[assignment]
     return sorted(config.get("SIMD Extensions", {}).get("found", []))

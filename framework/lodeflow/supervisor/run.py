@@ -8,7 +8,6 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,74 +20,11 @@ from lodeflow.messages.vocabulary import Score
 from lodeflow.recording.provenance import provenance
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import Engine
-from lodeflow.runtime.plan import Counters, Plan
+from lodeflow.runtime.plan import Plan
+from lodeflow.supervisor.summary import Summary
 
 GRACE = 1.0
 """Seconds that a run has to end by itself after Ctrl-C, before it is interrupted where it is."""
-
-
-@dataclass
-class Summary:
-    """What a run did.
-
-    Attributes:
-        graph: its name.
-        counters: per node.
-        scores: last score of each stream of scores, by stream name.
-        recording: the file, if one was written.
-        wall: seconds that the run took.
-        span: event time reached from the first stamp on, in seconds.
-        stopped: it was told to stop before its sources ended.
-        lossless: no source lost a message that the graph does not allow to lose.
-        error: what ended it early.
-    """
-
-    graph: str
-    counters: dict[str, Counters] = field(default_factory=dict)
-    scores: dict[str, Message] = field(default_factory=dict)
-    recording: Path | None = None
-    wall: float = 0.0
-    span: float = 0.0
-    stopped: bool = False
-    lossless: bool = True
-    error: LodeflowError | None = None
-
-    @property
-    def exit_code(self) -> int:
-        """0 good, 1 failed or lost data, 130 stopped by Ctrl-C."""
-        if self.error is not None or not self.lossless:
-            return 1
-        return 130 if self.stopped else 0
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the summary as plain data, scores in SI units."""
-        return {
-            "graph": self.graph,
-            "streams": {
-                str(Wire(node, port)): count
-                for node, counters in self.counters.items()
-                for port, count in counters.sent.items()
-            },
-            "nodes": {
-                name: {
-                    "stepped": c.stepped,
-                    "unmatched": c.unmatched,
-                    "gated": c.gated,
-                    "lost": dict(c.lost),
-                }
-                for name, c in self.counters.items()
-            },
-            "scores": {
-                name: {"t": score.t, **dict(zip(score.field_names, score.values(), strict=True))}
-                for name, score in self.scores.items()
-            },
-            "recording": None if self.recording is None else str(self.recording),
-            "wall_seconds": self.wall,
-            "event_seconds": self.span,
-            "stopped": self.stopped,
-            "lossless": self.lossless,
-            "error": None if self.error is None else str(self.error),
-        }
 
 
 Progress = Callable[[Plan, int], None]

@@ -131,22 +131,26 @@ class SimulatedVehicle(lf.Source):
             accelerometer=model.SensorError(p.accel_noise, tuple(p.accel_bias)),
             magnetometer=model.SensorError(p.mag_noise, tuple(p.mag_bias)),
         )
+        self._rows(0, np.arange(1))  # compiles, so that a paced run is not late
 
     def read(self, clock: lf.Clock) -> Iterator[Ports]:
-        p = self.params
-        count = round(p.duration * p.rate)
+        count = round(self.params.duration * self.params.rate)
         for first in range(0, count, self.rows):
-            row = np.arange(first, min(first + self.rows, count))
-            t = clock.start + np.rint(row * 1e9 / p.rate).astype(np.int64)
-            state = model.truth(self.vehicle, row / p.rate)
-            sensed = model.readings(state, self.errors, p.seed, first)
-            counts = model.counts(sensed, self.vehicle, CHU_2017)
-            yield Ports(
-                imu=lf.Imu(t, sensed.angular_velocity, sensed.specific_force),
-                mag=lf.MagneticField(t, sensed.magnetic_field),
-                raw_rate=lf.RawRate(t, counts.gyroscope),
-                raw_force=lf.RawForce(t, counts.accelerometer),
-                raw_mag=lf.RawField(t, counts.magnetometer),
-                truth=lf.AttitudeTruth(t, state.quaternion, np.ones(len(t), np.int64)),
-                euler=lf.EulerAngles(t, *np.ascontiguousarray(state.euler.T)),
-            )
+            yield self._rows(clock.start, np.arange(first, min(first + self.rows, count)))
+
+    def _rows(self, start: int, row: np.ndarray) -> Ports:
+        """The messages of consecutive rows; a function of the rows alone."""
+        p = self.params
+        t = start + np.rint(row * 1e9 / p.rate).astype(np.int64)
+        state = model.truth(self.vehicle, row / p.rate)
+        sensed = model.readings(state, self.errors, p.seed, int(row[0]))
+        counts = model.counts(sensed, self.vehicle, CHU_2017)
+        return Ports(
+            imu=lf.Imu(t, sensed.angular_velocity, sensed.specific_force),
+            mag=lf.MagneticField(t, sensed.magnetic_field),
+            raw_rate=lf.RawRate(t, counts.gyroscope),
+            raw_force=lf.RawForce(t, counts.accelerometer),
+            raw_mag=lf.RawField(t, counts.magnetometer),
+            truth=lf.AttitudeTruth(t, state.quaternion, np.ones(len(t), np.int64)),
+            euler=lf.EulerAngles(t, *np.ascontiguousarray(state.euler.T)),
+        )
