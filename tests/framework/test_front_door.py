@@ -67,3 +67,14 @@ def test_importing_it_brings_in_nothing_heavy_and_no_inner_layer() -> None:
     assert not {module.partition(".")[0] for module in modules} & HEAVY
     inner = ("graph", "runtime", "recording", "transport", "supervisor", "study", "cli", "testing")
     assert not modules & {f"lodeflow.{name}" for name in inner}
+
+
+def test_the_door_is_all_that_a_plugin_needs() -> None:
+    """The example in the docstring is a plugin."""
+    _, example = lf.__doc__.split("\n\n", 1)
+    names: dict[str, object] = {"__name__": "example"}
+    exec(example, names)
+    plugin = names["Doubler"]
+    assert plugin.spec.input("rate").type is lf.AngularRate
+    out = plugin().step(lf.AngularRate.of(7, angular_rate=[1, 2, 3]))
+    assert out == lf.AngularRate.of(7, angular_rate=[2, 4, 6])

@@ -26,7 +26,7 @@ class Base(lf.Node):
 class Reader(lf.Source):
     def read(self, clock: lf.Clock) -> "list[lf.Imu]": ...
 
-def helper(): ...
+def plot(): ...
 """
 
 
@@ -120,8 +120,8 @@ def test_what_is_said_of_names_that_cannot_be_loaded(folder: Path) -> None:
         "'no_such_module:X' cannot be imported: ModuleNotFoundError: No module named "
         "'no_such_module'"
     )
-    assert broken(folder, "registry_nodes:helper") == (
-        "'registry_nodes:helper' is not a plugin: registry_nodes:helper is no subclass of Node or "
+    assert broken(folder, "registry_nodes:plot") == (
+        "'registry_nodes:plot' is not a plugin: registry_nodes:plot is no subclass of Node or "
         "Source"
     )
     assert broken(folder, "base", base="registry_nodes:Base") == (
@@ -146,7 +146,7 @@ def test_a_mistake_in_the_plugins_file_is_passed_on(folder: Path) -> None:
 
 
 def test_load_object_takes_anything(folder: Path) -> None:
-    assert load_object("registry_nodes:helper").__name__ == "helper"
+    assert load_object("registry_nodes:plot").__name__ == "plot"
 
 
 def test_the_installed_plugins_are_discovered_once() -> None:

@@ -306,7 +306,8 @@ class Given(lf.Source):
 
 
 SINGLES = [
-    Affine, AffineBlock, Silent, Thinner, Doubler, Delayer, Closer, Ahead, Splitter, Switcher, Totaller,
+    Affine, AffineBlock, Silent, Thinner, Doubler, Delayer, Closer, Ahead, Splitter, Switcher,
+    Totaller,
 ]  # fmt: skip
 JOINS = [
     ExactPair, ExactTriple, NearestPair, NearestTriple, HoldPair, HoldInitial, HoldBlock, HoldGaps,

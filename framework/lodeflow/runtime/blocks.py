@@ -156,10 +156,12 @@ class BlockNode:
         """Return what a step returned as one message, or None, per port that steps write."""
         if returned is None:
             return (None,) * len(self.stepped)
+        if not self.stepped:
+            raise self.node.broken("(none)", f"it declares no output, got {returned!r}")
         if not self.node.spec.step_tuple:
-            returned = (returned,)
+            return (returned,)
         if not isinstance(returned, tuple) or len(returned) != len(self.stepped):
-            names = ", ".join(output.port.name for output in self.stepped) or "(none)"
+            names = ", ".join(output.port.name for output in self.stepped)
             raise self.node.broken(names, f"it must return these ports, got {returned!r}")
         return returned
 

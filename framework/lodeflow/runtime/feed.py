@@ -50,7 +50,7 @@ class Intake:
         if isinstance(item, Bound):
             if not isinstance(item.t, (int, np.integer)):
                 raise self.node.broken(self._names(), f"it must yield Bound(int), got {item!r}")
-            self.floor = max(self.floor, min(int(item.t), END))
+            self.floor = max(self.floor, int(item.t))
             return Batch([], self.floor)
         messages = item if self.node.spec.step_tuple else (item,)
         if not isinstance(messages, tuple) or len(messages) != len(self.ports):

@@ -28,7 +28,6 @@ class Join:
     def __init__(self, node: PlanNode, run: Run, move: Callable[[int], None], hears: bool) -> None:
         names = [port.name for port in node.wired]
         self.counters = node.counters
-        self.led = not isinstance(node.sync, Each)
         self.lead = names.index(node.lead)
         self.others = [i for i in range(len(names)) if i != self.lead]
         self.queues: list[deque[Any]] = [deque() for _ in names]
@@ -48,25 +47,34 @@ class Join:
 
     def _acceptor(self, index: int) -> Callable[[Any], None]:
         append, bounds, pump = self.queues[index].append, self.bounds, self.pump
+        first, lead = self.lead, self.queues[self.lead]
+        if index == self.lead:
 
-        def accept(message: Any) -> None:
-            append(message)
-            bounds[index] = message.t + 1
-            pump()
+            def accept(message: Any) -> None:
+                append(message)
+                bounds[index] = message.t + 1
+                pump()
+
+        else:
+
+            def accept(message: Any) -> None:
+                append(message)
+                bounds[index] = message.t + 1
+                if lead or bounds[first] == END:
+                    pump()  # else no row waits for it, and the floor is the lead's
 
         return accept
 
     def _advancer(self, index: int) -> Callable[[int], None]:
-        bounds, pump = self.bounds, self.pump
-        queues, idle = self.queues, index != self.lead and self.led
+        bounds, pump, lead = self.bounds, self.pump, self.queues[self.lead]
+        held = index != self.lead
 
         def advance(bound: int) -> None:
             if bound > bounds[index]:
                 bounds[index] = bound
-                if idle and bound < END and not queues[self.lead]:
-                    return  # no row waits for it, and the floor is the lead's
-                pump()
-                if not idle:
+                if lead or not held or bound == END:
+                    pump()
+                if not held:
                     self.forget(self.moved)
 
         return advance
@@ -79,8 +87,7 @@ class Join:
         self.busy = True
         while True:
             self.again = False
-            if self.queues[self.lead] or not self.led:
-                self.decide()
+            self.decide()
             if self.gates:
                 self._release()
             if self.again:  # more came over a cycle: no promise before that is decided
@@ -309,21 +316,59 @@ class HoldJoin(Join):
 class EachJoin(Join):
     """Every distinct stamp of any input."""
 
+    def __init__(self, *args: Any) -> None:
+        self.limit = NEVER  # the least bound when it was last looked at
+        super().__init__(*args)
+        if len(self.queues) == 2:
+            self.decide = self._decide_two  # type: ignore[method-assign]
+
+    def _acceptor(self, index: int) -> Callable[[Any], None]:
+        append, bounds, pump = self.queues[index].append, self.bounds, self.pump
+
+        def accept(message: Any) -> None:
+            append(message)
+            bounds[index] = message.t + 1
+            if min(bounds) > self.limit:  # else another input holds the rows back
+                pump()
+
+        return accept
+
+    def _advancer(self, index: int) -> Callable[[int], None]:
+        bounds, pump = self.bounds, self.pump
+
+        def advance(bound: int) -> None:
+            if bound > bounds[index]:
+                bounds[index] = bound
+                if min(bounds) > self.limit:
+                    pump()
+
+        return advance
+
     def decide(self) -> None:
         limit = min(self.bounds)
         while True:
             t = min([queue[0].t for queue in self.queues if queue], default=END)
             if t >= limit:
                 return
-            self.deliver(
-                t,
-                tuple(
-                    [q.popleft() if q and q[0].t == t else None for q in self.queues],
-                ),
-            )
+            row = [q.popleft() if q and q[0].t == t else None for q in self.queues]
+            self.deliver(t, tuple(row))
+
+    def _decide_two(self) -> None:
+        """The common case, the same rule."""
+        first, second = self.queues
+        bounds = self.bounds
+        while True:
+            a = first[0].t if first else END
+            b = second[0].t if second else END
+            t = a if a < b else b
+            if t >= bounds[0] or t >= bounds[1]:
+                return
+            x = first.popleft() if a == t else None
+            self.deliver(t, (x, second.popleft() if b == t else None))
 
     def floor(self) -> int:
-        return min(self.bounds)
+        self.limit = min(self.bounds)
+        return self.limit
 
 
 def make_join(node: PlanNode, run: Run, move: Callable[[int], None], *, hears: bool) -> Join:

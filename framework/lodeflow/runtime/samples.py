@@ -196,16 +196,11 @@ class SampleNode:
         wired = [port.name in node.wires for port in node.spec.inputs]
         complete, is_tuple = all(wired), node.spec.step_tuple
         counters = node.counters
+        what = "step" if node.spec.has_step else "step_block"
         senders = [self.senders[output.port.name] for output in self.stepped]
+        if not node.spec.has_step:
+            senders = [self._rows(o.port, s) for o, s in zip(self.stepped, senders, strict=True)]
         names = ", ".join(output.port.name for output in self.stepped) or "(none)"
-        samples_only = node.spec.has_step
-
-        def emit(send: Callable[[Any, int], None], message: Any, t: int) -> None:
-            if type(message) is not list or samples_only:
-                send(message, t)
-            else:
-                for sample in message:
-                    send(sample, t)
 
         def run(t: int, samples: tuple[Any, ...]) -> None:
             self.last_row = t
@@ -216,58 +211,51 @@ class SampleNode:
             try:
                 returned = step(*samples)
             except Exception as error:
-                raise node.failure("step", t, error) from error
+                raise node.failure(what, t, error) from error
             if returned is None:
                 return
             if not is_tuple:
                 if not senders:
                     raise node.broken(names, f"it declares no output, got {returned!r}")
-                emit(senders[0], returned, t)
+                senders[0](returned, t)
                 return
             if not isinstance(returned, tuple) or len(returned) != len(senders):
                 raise node.broken(names, f"it must return these ports, got {returned!r}")
             for send, message in zip(senders, returned):  # noqa: B905 (the lengths are equal)
                 if message is not None:
-                    emit(send, message, t)
+                    send(message, t)
 
         return run
 
     def _sample_step(self) -> Callable[..., Any]:
-        """Return a step on samples, whichever form the plugin has.
-
-        A block step may return any number of rows: none become None, one a sample, more a list.
-        """
+        """Return a step that takes samples, whichever form the plugin has."""
         plugin: Any = self.node.plugin
         if self.node.spec.has_step:
             step: Callable[..., Any] = plugin.step
             return step
-        step_block, rows = plugin.step_block, self._rows
-        is_tuple = self.node.spec.step_tuple
+        step_block = plugin.step_block
         kinds = [port.type for port in self.node.spec.inputs]
         sparse = isinstance(self.node.spec.sync, Each)
 
         def through_block(*samples: Any) -> Any:
             if sparse:
-                returned = step_block(*_sparse(samples, kinds))
-            else:
-                returned = step_block(*[s if s is None else s.as_block() for s in samples])
-            if is_tuple and isinstance(returned, tuple):
-                return tuple([rows(index, block) for index, block in enumerate(returned)])
-            return rows(0, returned)
+                return step_block(*_sparse(samples, kinds))
+            return step_block(*[s if s is None else s.as_block() for s in samples])
 
         return through_block
 
-    def _rows(self, index: int, block: Any) -> Any:
-        if block is None or index >= len(self.stepped):
-            return block
-        port = self.stepped[index].port
-        if type(block) is not port.type or not block.is_block:
-            check_output(self.node, port, block)
-            raise self.node.broken(port.name, "a block step must send blocks, got a sample")
-        count = len(block.t)
-        if count == 1:
-            return block.row(0)
-        return [block.row(i) for i in range(count)] or None
+    def _rows(self, port: OutputPort, send: Callable[[Any, int], None]) -> Callable[..., None]:
+        """Return the call that sends what a block step gave: any number of rows."""
+        node, kind = self.node, port.type
+
+        def send_rows(block: Any, t: int) -> None:
+            if type(block) is not kind or not block.is_block:
+                check_output(node, port, block)
+                raise node.broken(port.name, "a block step must send blocks, got a sample")
+            for i in range(len(block.t)):
+                send(block.row(i), t)
+
+        return send_rows
 
     def move(self, floor: int) -> None:
         """Pass on that no later row will have a stamp below `floor`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -125,3 +125,54 @@ def drive(form: str, plan: Plan, data: Reading, port: int = 0) -> Any:
         driver.promise("s", END)
         driver.count()
     return driver
+
+
+class Sum(lf.Node):
+    def start(self) -> None:
+        self.sum, self.t = 0.0, None
+
+    def step(self, x: Reading) -> Reading | None:
+        self.sum += x.x
+        self.t = x.t
+        return None if x.t % 3 else x.replace(x=self.sum)
+
+    def finish(self) -> Reading | None:
+        return None if self.t is None else Reading(self.t + 1, self.sum)
+
+
+class Held(lf.Node):
+    sync = lf.Hold("x", initial={"y": Reading(0, -1.0)})
+
+    def step(self, x: Reading, y: Reading) -> Reading | None:
+        return x.replace(x=x.x / 3 + y.x * y.t)
+
+
+def stepping(step: Callable[[Any], Any], *, hears: bool = False, **more: Any) -> Plan:
+    """Return a plan of a source and a node "n" with this step."""
+
+    class Node(lf.Node):
+        lookback = more.get("lookback", 0)
+
+        def step(self, x: Reading) -> Reading | None:
+            return step(x)
+
+    return plan_of(Node, hears=hears)
+
+
+def block_stepping(step: Callable[[Any], Any]) -> Plan:
+    class Node(lf.Node):
+        def step_block(self, x: Reading) -> Reading | None:
+            return step(x)
+
+    return plan_of(Node)
+
+
+def plan_of(node: type[lf.Node], *, hears: bool = False) -> Plan:
+    nodes: dict[str, Any] = {"s": Given, "n": (node, {"x": "s.a"})}
+    if hears:  # a join behind it makes the sample driver pass bounds
+        nodes["join"] = (Add, {"x": "n", "y": "s.a"})
+    return Plan(graph(**nodes))
+
+
+def fail(x: Any) -> Any:
+    return 1 // 0

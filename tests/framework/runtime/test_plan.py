@@ -40,11 +40,8 @@ def test_a_node_of_a_plan() -> None:
     class Held(lf.Node):
         sync = lf.Hold("y")
 
-        def step(self, x: Reading = None, y: Reading = ...) -> None: ...
+        def step(self, y: Reading, x: Reading = None) -> None: ...
 
-    Held.spec = replace(
-        Held.spec, inputs=tuple(p._replace(optional=p.name == "x") for p in Held.spec.inputs)
-    )
     wired = PlanNode(graph(n=(Held, {"x": "s.a", "y": "s.b"})).nodes["n"])
     assert (wired.lead, wired.sync) == ("y", lf.Hold("y"))
     alone = PlanNode(graph(n=(Held, {"y": "s.b"})).nodes["n"])
