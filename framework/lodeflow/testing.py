@@ -30,7 +30,7 @@ from lodeflow.messages.message import Message
 from lodeflow.messages.units import STANDARD_GRAVITY
 from lodeflow.node import Node, Source
 from lodeflow.runtime.blocks import BlockDriver
-from lodeflow.runtime.feed import batches
+from lodeflow.runtime.feed import feeds
 from lodeflow.runtime.plan import Plan
 from lodeflow.runtime.samples import SampleDriver
 from lodeflow.sync import END, Nearest
@@ -276,7 +276,7 @@ def _check_source(plugin: type[Source], params: Mapping[str, Any] | None, durati
         for _restart in range(2):  # start() must reset what an earlier read left
             plan.start()
             sent: dict[int, list[Any]] = {}
-            for batch in batches(planned, SimClock(), duration):
+            for batch in feeds([planned], SimClock(), duration)[planned.name]:
                 for index, block in batch.blocks:
                     sent.setdefault(index, []).append(block)
             if planned.counters.lost:

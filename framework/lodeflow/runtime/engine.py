@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from lodeflow.clock import Clock, Pacer, SimClock, WallClock
 from lodeflow.errors import ContractError, RunError
 from lodeflow.runtime.blocks import BlockDriver
-from lodeflow.runtime.feed import Batch, LiveFeed, batches, max_delay
+from lodeflow.runtime.feed import Batch, LiveFeed, feeds, max_delay
 from lodeflow.runtime.plan import Plan, PlanNode
 from lodeflow.runtime.samples import SampleDriver
 from lodeflow.sync import END, NEVER
@@ -29,7 +29,8 @@ class Engine:
     Args:
         plan: a fresh plan.
         speed: event time per wall time; None for as fast as the data allows.
-        duration: event time to run for, in nanoseconds from the run's start; None for all.
+        duration: event time to run for, in nanoseconds; None for all. It counts from the first
+            stamp of the data, or with a live source from the start of the run.
         watch: called between batches, at least every `TICK` seconds while paced or live.
 
     Raises:
@@ -57,7 +58,7 @@ class Engine:
         self.clock: Clock = WallClock() if self.live else SimClock()
         self.first: int | None = None
         self.reached = self.clock.start
-        self.until = END if duration is None else self.clock.start + duration
+        self.duration = duration
 
     @property
     def span(self) -> int:
@@ -88,13 +89,13 @@ class Engine:
 
     def _run_blocks(self) -> None:
         driver = BlockDriver(self.plan)
-        feeds = {node.name: batches(node, self.clock, self.until) for node in self.plan.sources}
-        reached = dict.fromkeys(feeds, NEVER)
+        sources = feeds(self.plan.sources, self.clock, self.duration)
+        reached = dict.fromkeys(sources, NEVER)
         try:
             while reached:
                 # The source that is furthest behind: joins then hold as little as they can.
                 name = min(reached, key=reached.__getitem__)
-                batch = Batch([], END) if self.stopping.is_set() else next(feeds[name])
+                batch = Batch([], END) if self.stopping.is_set() else next(sources[name])
                 driver.push(name, batch.blocks, batch.bound)
                 reached[name] = batch.bound
                 if batch.bound == END:
@@ -103,15 +104,17 @@ class Engine:
                     self._saw(int(block.t[0]), int(block.t[-1]))
                 self.watch(self.reached)
         finally:
-            for feed in feeds.values():
+            for feed in sources.values():
                 feed.close()
         _all_ended(driver.unfinished())
 
     def _run_samples(self) -> None:
         driver = SampleDriver(self.plan)
         at_rest = [node for node in self.plan.sources if node not in self.live]
-        files = [_Paced(node, self.clock, self.until) for node in at_rest]
-        live = [LiveFeed(node, self.clock, self.wake, self.until) for node in self.live]
+        read = feeds(at_rest, self.clock, self.duration)
+        files = [_Paced(node, read[node.name]) for node in at_rest]
+        until = END if self.duration is None else self.clock.start + self.duration
+        live = [LiveFeed(node, self.clock, self.wake, until) for node in self.live]
         pacer = Pacer(1.0 if self.speed is None else self.speed)
         for feed in live:
             feed.start()
@@ -167,9 +170,9 @@ class Engine:
 class _Paced:
     """A source of data at rest, handed out stamp by stamp."""
 
-    def __init__(self, node: PlanNode, clock: Clock, until: int) -> None:
+    def __init__(self, node: PlanNode, batches: Generator[Batch]) -> None:
         self.node = node
-        self.batches = batches(node, clock, until)
+        self.batches = batches
         self.rows: Iterator[tuple[int, list[tuple[int, Any]]]] = iter(())
         self.bound = NEVER
         self.t = NEVER

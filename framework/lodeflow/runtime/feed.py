@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ class Intake:
         if isinstance(item, Bound):
             if not isinstance(item.t, (int, np.integer)):
                 raise self.node.broken(self._names(), f"it must yield Bound(int), got {item!r}")
-            self.floor = max(self.floor, int(item.t))
+            self.floor = min(max(self.floor, int(item.t)), END)
             return Batch([], self.floor)
         messages = item if self.node.spec.step_tuple else (item,)
         if not isinstance(messages, tuple) or len(messages) != len(self.ports):
@@ -125,8 +126,8 @@ def _cut(batch: Batch, until: int) -> Batch:
     return Batch([(index, block) for index, block in blocks if len(block)], bound)
 
 
-def batches(node: PlanNode, clock: Clock, until: int = END) -> Generator[Batch]:
-    """Yield all that a source of data at rest has, up to the stamp `until`, and the end.
+def batches(node: PlanNode, clock: Clock) -> Generator[Batch]:
+    """Yield all that a source of data at rest has, and the end.
 
     Raises:
         NodeFailure: the source raised; names the last stamp that it reached.
@@ -142,11 +143,55 @@ def batches(node: PlanNode, clock: Clock, until: int = END) -> Generator[Batch]:
                 item = next(items, _NO_MORE)
             except Exception as error:
                 raise node.failure("read", max(intake.last), error) from error
-            batch = Batch([], END) if item is _NO_MORE else _cut(intake.take(item), until)
+            batch = Batch([], END) if item is _NO_MORE else intake.take(item)
             bound = batch.bound
             yield batch
     finally:
         _close(items)
+
+
+def feeds(
+    nodes: Iterable[PlanNode], clock: Clock, duration: int | None = None
+) -> dict[str, Generator[Batch]]:
+    """Return the batches of each source of data at rest, by its name.
+
+    Args:
+        nodes: the sources.
+        clock: what they are handed.
+        duration: event time to read, in ns from the first stamp of them all; None for all.
+
+    Raises:
+        NodeFailure: a source raised before its first message.
+    """
+    found = {node.name: batches(node, clock) for node in nodes}
+    if duration is None:
+        return found
+    heads = {name: _head(feed) for name, feed in found.items()}
+    stamps = [block.t[0] for head in heads.values() for batch in head for _, block in batch.blocks]
+    until = int(min(stamps, default=0)) + duration
+    return {name: _limited(heads[name], feed, until) for name, feed in found.items()}
+
+
+def _head(feed: Iterator[Batch]) -> list[Batch]:
+    """Return the batches up to the first with a message in it."""
+    head = []
+    for batch in feed:
+        head.append(batch)
+        if batch.blocks:
+            break
+    return head
+
+
+def _limited(head: list[Batch], feed: Generator[Batch], until: int) -> Generator[Batch]:
+    """Yield what lies before `until`, and the end."""
+    try:
+        for batch in itertools.chain(head, feed):
+            limited = _cut(batch, until)
+            yield limited
+            if limited.bound == END:
+                break
+    finally:
+        feed.close()
 
 
 class LiveFeed:

@@ -22,13 +22,15 @@ from lodeflow.sync import END
 SETTINGS = settings(max_examples=150, deadline=None, derandomize=True, database=None)
 
 
-def read(plugin: type[lf.Source], until: int = END) -> tuple[list[Rows], dict[str, int], int]:
+def read(
+    plugin: type[lf.Source], duration: int | None = None
+) -> tuple[list[Rows], dict[str, int], int]:
     """Return what entered per port, what was lost, and the number of batches."""
     node = planned(plugin)
     found: list[Rows] = [[] for _ in node.spec.outputs]
     reached = None
     count = 0
-    for batch in batches(node, SimClock(), until):
+    for batch in feeds.feeds([node], SimClock(), duration)[node.name]:
         for index, one in batch.blocks:
             one.validate()
             assert len(one)
@@ -220,17 +222,32 @@ def test_the_source_is_read_once_and_closed() -> None:
     next(early)
     early.close()
     assert log == ["opened", "closed"] * 2
-    assert read(reading(read_), until=5)[0] == [[(0, 0.0), (1, 1.0), (2, 2.0)]]
+    assert read(reading(read_), duration=5)[0] == [[(0, 0.0), (1, 1.0), (2, 2.0)]]
     assert log == ["opened", "closed"] * 3
 
 
-@given(st.integers(-1, 12), st.lists(st.integers(0, 10)))
+@given(st.integers(0, 12), st.sampled_from([0, 10**18]), st.lists(st.integers(0, 10)))
 @SETTINGS
-def test_until_cuts_at_a_stamp_wherever_the_blocks_end(until: int, cuts: list[int]) -> None:
-    given = rows([ramp(10)])
-    found, lost, _ = read(source(*cut(given, cuts, False)), until)
-    assert found == [[row for row in given if row[0] < until]]
+def test_the_duration_ends_at_a_stamp_wherever_the_blocks_end(
+    duration: int, first: int, cuts: list[int]
+) -> None:
+    given = [(first + t, value) for t, value in rows([ramp(10)])]
+    pieces = cut(given, [first + at for at in cuts], False)
+    found, lost, _ = read(source(lf.Bound(0), *pieces), duration)
+    assert found == [[row for row in given if row[0] < first + duration]]
     assert lost == {}
+
+
+def test_the_duration_counts_from_the_first_stamp_of_all_sources() -> None:
+    early, late, silent = planned(source(ramp(9))), planned(source(ramp(9)[4:])), planned(source())
+    for node, name in ((early, "early"), (late, "late"), (silent, "silent")):
+        node.name = name
+    found = feeds.feeds([early, late, silent], SimClock(), 6)
+    stamps = {
+        name: [t for batch in feed for _, block in batch.blocks for t in block.t.tolist()]
+        for name, feed in found.items()
+    }
+    assert stamps == {"early": [0, 1, 2, 3, 4, 5], "late": [4, 5], "silent": []}
 
 
 def test_a_source_without_end_is_cut() -> None:
@@ -240,7 +257,7 @@ def test_a_source_without_end_is_cut() -> None:
             yield Reading(t, 0.0)
             t += 10
 
-    assert read(reading(endless), until=25)[0] == [[(0, 0.0), (10, 0.0), (20, 0.0)]]
+    assert read(reading(endless), duration=25)[0] == [[(0, 0.0), (10, 0.0), (20, 0.0)]]
 
 
 def test_a_bound_beyond_the_end_is_the_end() -> None:
