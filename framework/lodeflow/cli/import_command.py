@@ -7,8 +7,7 @@ from pathlib import Path
 
 import click
 
-from lodeflow.cli.output import RESULT
-from lodeflow.cli.run_command import show
+from lodeflow.cli.run_command import report
 from lodeflow.errors import NodeError, did_you_mean
 from lodeflow.graph.model import Graph, GraphNode
 from lodeflow.node import Source
@@ -43,7 +42,10 @@ def command(format: str, file: Path, recording: Path) -> int:  # noqa: A002 (the
     }
     graph = Graph(f"import-{format}", {format: node}, document=document)
     summary = run(graph, record=str(recording), command=sys.argv[1:])
-    show(summary)
-    if summary.error is not None:
-        RESULT.print(f"lodeflow: {summary.error}", style="red", soft_wrap=True)
-    return summary.exit_code
+    if summary.error is not None and not any(
+        count for counters in summary.counters.values() for count in counters.sent.values()
+    ):
+        # Nothing was in the file; a recording without data would stand in the way of the next try.
+        recording.unlink(missing_ok=True)
+        summary.recording = None
+    return report(summary)

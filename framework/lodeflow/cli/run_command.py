@@ -61,6 +61,11 @@ def command(
             progress=progress,
             command=sys.argv[1:],
         )
+    return report(summary, as_json=as_json)
+
+
+def report(summary: Summary, *, as_json: bool = False) -> int:
+    """Print a summary, the error that ended the run to standard error; return the exit code."""
     if as_json:
         print_json(summary.as_dict())
     else:

@@ -60,7 +60,7 @@ def _load(file: str) -> dict[str, Any]:
     """The columns that are needed. Raises ValueError for a file that is no trial of BROAD."""
     try:
         found = scipy.io.loadmat(file, variable_names=[*WIDTHS, "sampling_rate"])
-    except (OSError, ValueError, NotImplementedError) as error:
+    except Exception as error:  # scipy raises whatever its parser stumbles over
         raise ValueError(f"{file}: cannot be read as a MATLAB file: {error}") from None
     missing = [name for name in (*WIDTHS, "sampling_rate") if name not in found]
     if missing:
