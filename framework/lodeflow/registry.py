@@ -44,9 +44,9 @@ class Hooks:
 
     @hookspec
     def lodeflow_importers(self) -> Mapping[str, str]:
-        """Return formats of `lodeflow import`, {"format": "package.module:function"}.
+        """Return formats of `lodeflow import`, {"format": "package.module:Class"}.
 
-        The function takes a file's path and returns a Source class with its parameters.
+        The class is a Source whose only required parameter is `file`, the path.
         """
         raise NotImplementedError
 
