@@ -196,15 +196,9 @@ class BlockNode:
 
     def _finish(self) -> None:
         self.finished = True
-        finish = getattr(self.node.plugin, "finish", None)
-        if finish is not None:
-            try:
-                returned = finish()
-            except Exception as error:
-                raise self.node.failure("finish", self.last_row, error) from error
-            earliest = self.last_row - self.node.lookback if self.last_row > NEVER else NEVER
-            for output, message in last_words(self.node, self.outputs, returned):
-                output.send(message if message.is_block else message.as_block(), earliest)
+        earliest = self.last_row - self.node.lookback if self.last_row > NEVER else NEVER
+        for output, block in last_words(self.node, self.outputs, self.last_row):
+            output.send(block, earliest)
         for output in self.outputs:
             output.promise(END)
 

@@ -182,8 +182,18 @@ def check_sample(
         )
 
 
-def last_words(node: PlanNode, outputs: Sequence[Any], returned: Any) -> list[tuple[Any, Any]]:
-    """Return what `finish` returned as (output, message) pairs, looked at in full."""
+def last_words(node: PlanNode, outputs: Sequence[Any], last_row: int) -> list[tuple[Any, Any]]:
+    """Let a node finish; return what it sends as (output, block) pairs, looked at in full.
+
+    Raises:
+        NodeFailure: `finish` raised.
+        ContractError: it returned something else than its ports.
+    """
+    finish = getattr(node.plugin, "finish", None)
+    try:
+        returned = None if finish is None else finish()
+    except Exception as error:
+        raise node.failure("finish", last_row, error) from error
     if returned is None:
         return []
     by_name = {output.port.name: output for output in outputs if output.port.by_finish}
@@ -196,4 +206,4 @@ def last_words(node: PlanNode, outputs: Sequence[Any], returned: Any) -> list[tu
         raise node.broken(", ".join(by_name) or "(none)", f"finish returned {returned!r}")
     for output, message in pairs:
         check_output(node, output.port, message)
-    return pairs
+    return [(output, m if m.is_block else m.as_block()) for output, m in pairs]

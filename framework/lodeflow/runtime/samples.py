@@ -275,18 +275,11 @@ class SampleNode:
         if self.ended:
             return
         self.ended = True
-        finish = getattr(self.node.plugin, "finish", None)
-        if finish is not None:
-            try:
-                returned = finish()
-            except Exception as error:
-                raise self.node.failure("finish", self.last_row, error) from error
-            for output, message in last_words(self.node, self.outputs, returned):
-                rows = message if message.is_block else message.as_block()
-                for i in range(len(rows)):
-                    sample = rows.row(i)
-                    row = self.last_row if self.last_row > NEVER else sample.t
-                    self.senders[output.port.name](sample, row)
+        for output, block in last_words(self.node, self.outputs, self.last_row):
+            for i in range(len(block)):
+                sample = block.row(i)
+                row = self.last_row if self.last_row > NEVER else sample.t
+                self.senders[output.port.name](sample, row)
         for output in self.outputs:
             output.promise(END)
 
