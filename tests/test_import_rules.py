@@ -22,7 +22,7 @@ LAYERS = [  # each imports from those before it
     {"graph"},
     {"runtime"},
     {"transport", "recording"},
-    {"supervisor", "study", "testing"},
+    {"supervisor", "study", "testing", "purity"},
     {"cli"},
 ]
 LEVEL = {unit: level for level, units in enumerate(LAYERS) for unit in units}

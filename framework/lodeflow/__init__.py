@@ -18,6 +18,7 @@ from lodeflow.errors import (
     NodeFailure,
     RecordingError,
     RunError,
+    did_you_mean,
 )
 from lodeflow.messages.fields import (
     GAPS,
@@ -125,6 +126,7 @@ __all__ = [
     "Unit",
     "Vec3",
     "Vector3",
+    "did_you_mean",
     "hookimpl",
     "rotate",
     "seconds",

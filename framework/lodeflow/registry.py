@@ -11,6 +11,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,8 @@ class Registry:
 
     def __init__(self, manager: pluggy.PluginManager) -> None:
         self.manager = manager
+        self.broken: dict[str, str] = {}
+        """Packages that are installed but cannot be used, and why."""
         self.nodes = self._collect("lodeflow_nodes")
         self.commands = self._collect("lodeflow_commands")
         self.importers = self._collect("lodeflow_importers")
@@ -73,7 +76,12 @@ class Registry:
         found: dict[str, Entry] = {}
         for implementation in getattr(self.manager.hook, hook).get_hookimpls():
             package = implementation.plugin_name
-            for name, path in implementation.function().items():
+            try:
+                brought = dict(implementation.function())
+            except Exception as error:  # one broken package must not take the others along
+                self.broken[package] = f"{hook}: {type(error).__name__}: {error}"
+                continue
+            for name, path in brought.items():
                 if name in found:
                     raise NodeError(
                         f"{hook}: {name!r} is brought by both {found[name].package} and {package}; "
@@ -91,9 +99,10 @@ class Registry:
         if ":" in use:
             return _plugin(use, use)
         if use not in self.nodes:
+            broken = "".join(f"; package {name} is broken: {w}" for name, w in self.broken.items())
             raise NodeError(
                 f"no plugin {use!r}{did_you_mean(use, self.nodes)} "
-                "('lodeflow nodes' lists them; 'module:Class' names one in a file)"
+                f"('lodeflow nodes' lists them; 'module:Class' names one in a file){broken}"
             )
         return _plugin(use, self.nodes[use].path)
 
@@ -103,8 +112,15 @@ def registry() -> Registry:
     """Return the installed plugins, discovered once."""
     manager = pluggy.PluginManager(GROUP)
     manager.add_hookspecs(Hooks)
-    manager.load_setuptools_entrypoints(GROUP)
-    return Registry(manager)
+    broken = {}
+    for point in metadata.entry_points(group=GROUP):
+        try:
+            manager.register(point.load(), name=point.name)
+        except Exception as error:  # one broken package must not take the others along
+            broken[point.name] = f"{point.value}: {type(error).__name__}: {error}"
+    found = Registry(manager)
+    found.broken.update(broken)
+    return found
 
 
 def load_object(path: str) -> Any:
@@ -123,7 +139,7 @@ def load_object(path: str) -> Any:
         module = importlib.import_module(module_name)
     except NodeError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise NodeError(f"{path!r} cannot be imported: {type(error).__name__}: {error}") from error
     try:
         return getattr(module, name)

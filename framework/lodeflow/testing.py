@@ -10,25 +10,25 @@ def test_doubler() -> None:
 
 from __future__ import annotations
 
-import ast
-import inspect
 import random
-import sys
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from lodeflow.clock import SimClock
-from lodeflow.errors import ContractError
+from lodeflow.errors import ContractError, NodeError
 from lodeflow.graph.model import Graph, GraphNode, Wire
 from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.fields import FieldSpec, Quaternion
 from lodeflow.messages.message import Message
 from lodeflow.messages.units import STANDARD_GRAVITY
 from lodeflow.node import Node, Source
+from lodeflow.params import Params
+from lodeflow.purity import impurity
 from lodeflow.runtime.blocks import BlockDriver
 from lodeflow.runtime.feed import feeds
 from lodeflow.runtime.plan import Plan
@@ -54,6 +54,7 @@ def run_node(
 
     Raises:
         NodeFailure, ContractError: as in a run.
+        NodeError: its parameters have no value, or one that does not fit.
     """
     harness = _Harness(plugin, params, inputs)
     sent = harness.run_blocks([END])
@@ -84,15 +85,29 @@ def check_node(
 
     Raises:
         ContractError: names the plugin and the rule.
+        NodeError: its parameters have no value, or one that does not fit.
     """
-    _check_sources(plugin)
-    if issubclass(plugin, Source):
-        _check_source(plugin, params, duration)
-        return
+    if call := impurity(plugin):
+        raise _broken(
+            plugin,
+            f"no wall clock and no global random generator ({call}); "
+            "use the stamps, a Clock, or np.random.default_rng(seed)",
+        )
+    with _named(plugin):
+        if issubclass(plugin, Source):
+            _check_source(plugin, params, duration)
+        else:
+            _check_node(plugin, params, inputs, seed)
+
+
+def _check_node(
+    plugin: type[Node], params: Mapping[str, Any] | None, inputs: Inputs | None, seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     harness = _Harness(plugin, params, random_inputs(plugin, rng) if inputs is None else inputs)
     before = harness.fingerprint()
     whole = harness.encoded(harness.run_blocks([END]))
+    _check_inputs(plugin, harness, before)  # first: whatever comes after would differ as well
     _compare(plugin, "start() must reset all state", whole, harness.run_blocks([END]), harness)
     cuts = random.Random(seed)
     for _ in range(SPLITS):
@@ -104,6 +119,10 @@ def check_node(
     _compare(plugin, "blocks of one row must give the same bytes", whole, single, harness)
     samples = harness.run_samples()
     _compare(plugin, "single samples must give the same bytes", whole, samples, harness)
+    _check_inputs(plugin, harness, before)
+
+
+def _check_inputs(plugin: type, harness: _Harness, before: list[bytes]) -> None:
     if harness.fingerprint() != before:
         raise _broken(plugin, "inputs must not be modified")
 
@@ -162,12 +181,11 @@ class _Harness:
         columns = [block.t for block in self.blocks]
         self.stamps: list[int] = np.unique(np.concatenate(columns)).tolist() if columns else []
         source = _hand_fed({port.name: port.type for port in ports})
-        values = plugin.example if params is None else params
         node = GraphNode(
             "node",
             plugin.__name__,
             plugin,
-            plugin.Params(**values),
+            _params(plugin, params),
             {port.name: Wire("hand", port.name) for port in ports},
         )
         hand = GraphNode("hand", "hand", source, source.Params())
@@ -250,7 +268,45 @@ def _encoded(kind: type[Message], blocks: list[Any]) -> NDArray[np.uint8]:
 
 
 def _broken(plugin: type, rule: str) -> ContractError:
-    return ContractError(f"{plugin.__module__}.{plugin.__qualname__} broke the contract: {rule}")
+    return ContractError(f"{_path(plugin)} broke the contract: {rule}")
+
+
+@contextmanager
+def _named(plugin: type) -> Iterator[None]:
+    """Let a rule that the engine finds broken name the plugin as all others do."""
+    path = _path(plugin)
+    try:
+        yield
+    except ContractError as error:
+        if str(error).startswith(path):
+            raise
+        raise ContractError(f"{path}: {error}") from error
+
+
+def _path(plugin: type) -> str:
+    return f"{plugin.__module__}.{plugin.__qualname__}"
+
+
+def _params(plugin: type[Node] | type[Source], given: Mapping[str, Any] | None) -> Params:
+    """Return the parameters that are given, or those of the plugin's example.
+
+    Raises:
+        NodeError: a parameter without default has no value, or a value does not fit.
+    """
+    values = plugin.example if given is None else given
+    fields = plugin.Params.model_fields.items()
+    missing = [name for name, field in fields if field.is_required() and name not in values]
+    if missing:
+        where = "give `example` a value" if given is None else "give a value"
+        raise NodeError(f"{_path(plugin)}: {where} for {', '.join(missing)}, without default")
+    try:
+        return plugin.Params(**values)
+    except ValidationError as error:
+        why = "; ".join(
+            f"{'.'.join(map(str, detail['loc'])) or 'params'}: {detail['msg']}"
+            for detail in error.errors()
+        )
+        raise NodeError(f"{_path(plugin)}: {why}") from None
 
 
 def _hand_fed(ports: dict[str, type[Message]]) -> type[Source]:
@@ -267,10 +323,10 @@ def _hand_fed(ports: dict[str, type[Message]]) -> type[Source]:
 def _check_source(plugin: type[Source], params: Mapping[str, Any] | None, duration: int) -> None:
     if plugin.max_delay is not None:
         return  # a device has no two equal runs
-    values = plugin.example if params is None else params
+    values = _params(plugin, params)
     runs = []
     for _ in range(2):
-        node = GraphNode("source", plugin.__name__, plugin, plugin.Params(**values))
+        node = GraphNode("source", plugin.__name__, plugin, values)
         plan = Plan(Graph("check", {"source": node}))
         (planned,) = plan.sources
         for _restart in range(2):  # start() must reset what an earlier read left
@@ -293,63 +349,3 @@ def _check_source(plugin: type[Source], params: Mapping[str, Any] | None, durati
         same = first.keys() == run.keys() and all(np.array_equal(first[i], run[i]) for i in first)
         if not same:
             raise _broken(plugin, "start() must reset all state, and two runs give the same bytes")
-
-
-FORBIDDEN = {
-    "time": {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns"},
-    "datetime": {"now", "utcnow", "today"},
-    "random": {"random", "randint", "uniform", "gauss", "normal", "choice", "shuffle", "seed",
-               "rand", "randn", "standard_normal"},
-}  # fmt: skip
-
-
-def _check_sources(plugin: type) -> None:
-    """Refuse calls of the wall clock, or of a global random generator, in the plugin's code."""
-    seen: set[int] = set()
-    pending: list[Any] = [plugin]
-    package = plugin.__module__.partition(".")[0]
-    while pending:
-        current = pending.pop()
-        if id(current) in seen:
-            continue
-        seen.add(id(current))
-        try:
-            tree = ast.parse(textwrap.dedent(inspect.getsource(current)))
-        except (OSError, TypeError, SyntaxError):
-            continue
-        for call in _forbidden_calls(tree):
-            raise _broken(
-                plugin,
-                f"no wall clock and no global random generator ({call} in {current.__qualname__}); "
-                "use the stamps, a Clock, or np.random.default_rng(seed)",
-            )
-        pending += _named_in(tree, current, package)
-
-
-def _named_in(tree: ast.AST, owner: Any, package: str) -> Iterator[Any]:
-    """Yield the functions and classes of the plugin's own package that a piece of code names."""
-    scope = vars(sys.modules[owner.__module__])
-    for node in ast.walk(tree):
-        found = None
-        if isinstance(node, ast.Name):
-            found = scope.get(node.id)
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            found = getattr(scope.get(node.value.id), node.attr, None)
-        found = getattr(found, "py_func", found)  # a compiled function
-        module = getattr(found, "__module__", None) or ""
-        code = inspect.isroutine(found) or inspect.isclass(found)
-        if code and package != "lodeflow" and module.partition(".")[0] == package:
-            yield found
-
-
-def _forbidden_calls(tree: ast.AST) -> Iterator[str]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module in FORBIDDEN:
-            for alias in node.names:
-                if alias.name in FORBIDDEN[node.module] and node.module != "datetime":
-                    yield f"{node.module}.{alias.name}"
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
-            owner = ast.unparse(node.func.value)
-            last = owner.rpartition(".")[2]
-            if node.func.attr in FORBIDDEN.get(last, ()):
-                yield f"{owner}.{node.func.attr}"

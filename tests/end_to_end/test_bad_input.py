@@ -48,7 +48,7 @@ def rows(*cells: str) -> str:
 
 
 def test_good_rows_pass_in_si_units(table: CommandLine) -> None:
-    table.write("sensors.csv", rows("0,180,0,0,0,0,1", "10,0,0,0,0,0,1").replace("180", "45"))
+    table.write("sensors.csv", rows("0,45,0,0,0,0,1", "10,0,0,0,0,0,1"))
     summary = json.loads(table("run", "graph.yaml", "--json").stdout)
     assert summary["streams"] == {
         "sensors.imu": 2,
@@ -90,9 +90,11 @@ def test_bad_samples_are_dropped_counted_and_fail_the_run_unless_allowed(
         (rows("0,1,0,0"), "sensors.csv:2: 4 cells, but the header has 7"),
         (rows("0,1,0,0,0,0,1").replace("gx", "gX"), "sensors.csv:1:gx: no such column"),
         (
-            rows("0,1,0,0,0,0,1").replace("ax", "ax [uT]").replace("unit: g", ""),
-            "sensors.csv:1:ax: no such column",
+            rows("0,1,0,0,0,0,1").replace("gx", "gx [rad/s]"),
+            "sensors.csv:1:gx [rad/s]: the header says rad/s, the graph deg/s; make them equal or "
+            "leave one out",
         ),
+        (rows("0,1,0,0,0,0,1").replace("ax", "ax [uT]"), "1:ax [uT]: 'uT' is not a unit of m/s²"),
         ("", "sensors.csv:1: empty"),
         (rows("soon,1,0,0,0,0,1"), "sensors.csv:2:t: 'soon' is not a time stamp"),
     ],
@@ -100,17 +102,28 @@ def test_bad_samples_are_dropped_counted_and_fail_the_run_unless_allowed(
 def test_a_wrong_table_is_told_with_its_place(
     table: CommandLine, content: str, expected: str
 ) -> None:
-    if "no such column" in expected and "[uT]" in content:
-        expected = "'LSB' "
-        content = rows("0,1,0,0,0,0,1")
-        table.write("graph.yaml", CSV_GRAPH.replace("unit: g}", "unit: LSB}"))
-        done = table.write("sensors.csv", content) and table("run", "graph.yaml", code=2)
-        assert "graph.yaml:10:" in done.stderr
-        return
     table.write("sensors.csv", content)
     done = table("run", "graph.yaml", code=1)
     assert expected in done.stderr
     assert "node 'sensors' (CsvFile.read) failed" in done.stderr
+
+
+def test_a_wrong_unit_in_the_graph_is_told_with_its_place(table: CommandLine) -> None:
+    table.write("sensors.csv", rows("0,1,0,0,0,0,1"))
+    table.write("graph.yaml", CSV_GRAPH.replace("unit: g}", "unit: LSB}"))
+    done = table("run", "graph.yaml", code=2)
+    line = 1 + CSV_GRAPH.splitlines().index(
+        "      linear_acceleration: {columns: [ax, ay, az], unit: g}"
+    )
+    assert f"graph.yaml:{line}:" in done.stderr
+    assert "'LSB' is not a unit of m/s²" in done.stderr
+
+
+def test_the_rows_before_a_bad_one_are_recorded(table: CommandLine) -> None:
+    table.write("sensors.csv", rows("0,1,0,0,0,0,1", "10,1,0,0,0,0,1", "20,1,0,0,0,0,one"))
+    done = table("run", "graph.yaml", code=1)
+    assert "sensors.csv:4:az: 'one' is not a number" in done.stderr
+    assert [t for t, _ in records(table.folder / "out.mcap")["/watch"]] == [0, 10_000_000]
 
 
 def test_an_unreadable_file(table: CommandLine) -> None:

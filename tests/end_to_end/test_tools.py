@@ -51,16 +51,38 @@ def test_a_new_node_passes_its_test_and_runs_in_its_graph(lodeflow: CommandLine)
     assert len(records(lodeflow.folder / "out.mcap")["/low_pass"]) == 200
 
 
-@pytest.mark.parametrize("name", ["Low", "1st", "a-b", "class", "../up", ""])
-def test_a_bad_name_for_a_new_node_is_refused(lodeflow: CommandLine, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        *((name, "such as 'low_pass'") for name in ("Low", "1st", "a-b", "class", "../up", "")),
+        *((name, "such as 'low_pass'") for name in ("low_", "low__pass", "_low")),
+        *((name, "take the class for a test") for name in ("test", "tests", "test_me", "testbed")),
+        *((name, "the graph in the package") for name in ("vehicle", "on", "null")),
+        ("csv", "brings one of that name"),
+        ("plugins", "the package lodeflow_plugins exists already"),
+    ],
+)
+def test_a_bad_name_for_a_new_node_is_refused(lodeflow: CommandLine, name: str, why: str) -> None:
     done = lodeflow("new", "node", name, code=2)
-    assert "is no name for a plugin" in done.stderr
+    assert f"{name!r} is no name for a plugin: " in done.stderr
+    assert why in done.stderr
     assert list(lodeflow.folder.iterdir()) == []
 
 
 def test_a_new_node_does_not_overwrite(lodeflow: CommandLine) -> None:
     lodeflow("new", "node", "mine")
-    assert "exists" in lodeflow("new", "node", "mine", code=2).stderr
+    assert "lodeflow-mine exists" in lodeflow("new", "node", "mine", code=2).stderr
+
+
+def test_the_next_steps_install_what_the_test_needs(lodeflow: CommandLine) -> None:
+    done = lodeflow("new", "node", "mine", "--into", "packages")
+    assert 'pip install -e "packages/lodeflow-mine[test]"\n' in done.stdout
+
+
+def test_a_folder_that_cannot_be_written_is_told(lodeflow: CommandLine) -> None:
+    lodeflow.write("notes.txt", "a file, no folder")
+    done = lodeflow("new", "node", "mine", "--into", "notes.txt/inner", code=2)
+    assert "notes.txt/inner/lodeflow-mine cannot be written: Not a directory" in done.stderr
 
 
 def trial(path: Path, rows: int = 3000) -> None:

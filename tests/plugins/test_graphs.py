@@ -1,11 +1,11 @@
 """The graphs that come with lodeflow, by the API and by the command line."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
+import broad_figures
 import numpy as np
 import pytest
 
@@ -16,7 +16,6 @@ from lodeflow.supervisor.run import run
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 HEADING, BROAD = GRAPHS / "heading.yaml", GRAPHS / "broad.yaml"
-DATA = os.environ.get("LODEFLOW_DATA")
 
 
 def lodeflow(folder, *arguments):
@@ -103,24 +102,14 @@ def test_broad_on_simulated_data(tmp_path):
     assert np.degrees(score.total_rmse) < 3.0
 
 
-# Total, heading and inclination RMSE in degrees, without the gate and with it at 0.5 m/s^2.
-TRIALS = {
-    "02_undisturbed_slow_rotation_B": ((2.34, 1.63, 1.67), (2.55, 1.63, 1.97)),
-    "18_undisturbed_fast_translation_with_breaks_B": ((34.46, 13.81, 31.69), (9.75, 4.02, 8.88)),
-    "25_disturbed_tapping_B": ((6.09, 3.65, 4.88), (10.78, 6.88, 8.30)),
-    "27_disturbed_phone_vibration_B": ((12.09, 3.81, 11.47), (18.95, 6.28, 17.89)),
-    "31_disturbed_stationary_magnet_D": ((18.44, 4.32, 17.93), (7.73, 3.04, 7.11)),
-    "34_disturbed_attached_magnet_3cm": ((7.27, 6.86, 2.42), (5.61, 5.31, 1.81)),
-}
-
-
-@pytest.mark.skipif(DATA is None, reason="LODEFLOW_DATA does not name a folder with broad/")
-@pytest.mark.parametrize("trial", TRIALS)
+@broad_figures.needs_data
+@pytest.mark.parametrize("trial", broad_figures.FIGURES)
 def test_broad(tmp_path, trial):
-    source = Path(DATA) / "broad" / f"{trial}.mat"
+    source = broad_figures.path_of(trial)
     done = lodeflow(tmp_path, "import", "broad", source, "trial.mcap")
     assert done.returncode == 0, done.stderr
-    for sets, expected in zip(([], ["--set", "fuser.gate=0.5"]), TRIALS[trial], strict=True):
+    gates = ([], ["--set", "fuser.gate=0.5"])
+    for sets, expected in zip(gates, broad_figures.FIGURES[trial], strict=True):
         done = lodeflow(tmp_path, "run", BROAD, "--arg", "recording=trial.mcap", *sets, "--json")
         assert done.returncode == 0, done.stderr
         score = json.loads(done.stdout)["scores"]["score"]

@@ -8,11 +8,16 @@ from typing import Any
 
 import click
 
-from lodeflow.errors import GraphError, LodeflowError, NodeError
+from lodeflow.errors import GraphError, LodeflowError, NodeError, did_you_mean
 from lodeflow.registry import load_object, registry
 
 COMMANDS: dict[str, str] = {
     "run": "Run a graph and record it.",
+    "replay": "Run the graph of a recording again, from its recorded streams.",
+    "info": "Say what is in a recording.",
+    "compare": "Compare two recordings: are they the same, and where not?",
+    "recover": "Mend a recording that was killed or damaged, into a new file.",
+    "export": "Write streams of a recording into tables: CSV or Parquet.",
     "check": "Check graph files: all errors, each with its place.",
     "graph": "Draw a graph.",
     "explain": "Say where a parameter of a graph gets its value.",
@@ -37,7 +42,8 @@ class Commands(click.Group):
         if cmd_name in registry().commands:
             found: click.Command = load_object(registry().commands[cmd_name].path)
             return found
-        return None
+        near = did_you_mean(cmd_name, self.list_commands(ctx))
+        raise click.UsageError(f"no command {cmd_name!r}{near}", ctx)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         # The texts stand here, so that --help imports no command.

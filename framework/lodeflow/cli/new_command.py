@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import keyword
 import re
 from pathlib import Path
@@ -9,7 +10,11 @@ from string import Template
 
 import click
 
+from lodeflow.registry import registry
+
 TEMPLATE = Path(__file__).parent / "template"
+TAKEN = {"vehicle", "true", "false", "null", "yes", "no", "on", "off"}
+"""The other node of the template's graph, and the words that YAML does not read as text."""
 
 
 @click.group()
@@ -30,11 +35,9 @@ def node(name: str, into: Path) -> None:
 
     NAME is what graph files will use, such as low_pass.
     """
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
-        raise click.UsageError(
-            f"{name!r} is no name for a plugin; use lower case, digits and _, such as 'low_pass'"
-        )
     package = f"lodeflow_{name}"
+    if why := _refusal(name, package):
+        raise click.UsageError(f"{name!r} is no name for a plugin: {why}")
     words = {
         "name": name,
         "package": package,
@@ -42,15 +45,39 @@ def node(name: str, into: Path) -> None:
         "node": "".join(part.capitalize() for part in name.split("_")),
     }
     folder = into / words["distribution"]
-    if folder.exists():
-        raise click.UsageError(f"{folder} exists; choose another name or remove it")
+    try:
+        if folder.exists():
+            raise click.UsageError(f"{folder} exists; choose another name or remove it")
+        _write(folder, words)
+    except OSError as error:
+        raise click.UsageError(f"{folder} cannot be written: {error.strerror}") from None
+    click.echo(
+        f'\nNext:\n  pip install -e "{folder}[test]"\n  pytest {folder}\n'
+        f"  lodeflow run {folder}/graph.yaml"
+    )
+
+
+def _refusal(name: str, package: str) -> str:
+    """Return why a package of that name would not work, or "" if it would."""
+    if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
+        return "use lower case and digits, with single _ between them, such as 'low_pass'"
+    if name.startswith("test"):
+        return "pytest would take the class for a test"
+    if name in TAKEN:
+        return "the graph in the package would misread it"
+    if entry := registry().nodes.get(name):
+        return f"{entry.package} brings one of that name; choose another"
+    if importlib.util.find_spec(package) is not None:
+        return f"the package {package} exists already; choose another"
+    return ""
+
+
+def _write(folder: Path, words: dict[str, str]) -> None:
+    """Write the files of the template, with the words in their places."""
     for source in sorted(path for path in TEMPLATE.rglob("*.txt") if path.is_file()):
         # Template files end in .txt, so that no tool takes them for code of ours.
         relative = str(source.relative_to(TEMPLATE)).removesuffix(".txt")
-        target = folder / relative.replace("PACKAGE", package)
+        target = folder / relative.replace("PACKAGE", words["package"])
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(Template(source.read_text()).substitute(words))
         click.echo(f"wrote {target}")
-    click.echo(
-        f"\nNext:\n  pip install -e {folder}\n  pytest {folder}\n  lodeflow run {folder}/graph.yaml"
-    )

@@ -27,6 +27,8 @@ def command(name: str | None, as_json: bool) -> None:
     NAME may also be module:Class, for a plugin in a file that is not packaged.
     """
     known = registry()
+    for package, why in known.broken.items():
+        click.echo(f"package {package} is broken and left out: {why}", err=True)
     if name is not None:
         found = document(name, known.load(name))
         print_json(found) if as_json else click.echo(as_text(found))

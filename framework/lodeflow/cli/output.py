@@ -14,8 +14,8 @@ from rich.table import Table
 from lodeflow.messages.message import Message
 from lodeflow.messages.units import Radian
 
-RESULT = Console(highlight=False)
-STATUS = Console(stderr=True, highlight=False)
+RESULT = Console(highlight=False, markup=False)
+STATUS = Console(stderr=True, highlight=False, markup=False)
 
 
 def print_json(value: Any) -> None:

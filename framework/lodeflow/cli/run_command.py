@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
@@ -51,8 +52,10 @@ def command(
     loaded = load_graph(graph, **overrides)
     for note in loaded.notes:
         STATUS.print(note, soft_wrap=True)
+    if loaded.processes:
+        STATUS.print("processes: the groups run together in one process for now")
     log_to_stderr()
-    with _Progress() as progress:
+    with Progress() as progress:
         summary = run(
             loaded,
             record="" if no_record else record,
@@ -81,7 +84,7 @@ def show(summary: Summary) -> None:
     for name, counters in summary.counters.items():
         for port, count in counters.sent.items():
             stream = name if port == "out" else f"{name}.{port}"
-            rate = f"{count / summary.span:.4g} Hz" if summary.span > 0 and count > 1 else ""
+            rate = f"{(count - 1) / summary.span:.4g} Hz" if summary.span > 0 < count - 1 else ""
             streams.add_row(stream, str(count), rate, "")
     RESULT.print(streams)
     notes = []
@@ -101,7 +104,7 @@ def show(summary: Summary) -> None:
                 scores.add_row(*row)
         RESULT.print(scores)
     RESULT.print()
-    speed = f", {summary.span / summary.wall:.0f} times real time" if summary.wall > 0 else ""
+    speed = f", {_figures(summary.span / summary.wall)} times real time" if summary.wall else ""
     RESULT.print(f"{summary.span:.6g} s of data in {summary.wall:.2f} s{speed}")
     if summary.stopped:
         RESULT.print("stopped before the end of the data")
@@ -109,7 +112,11 @@ def show(summary: Summary) -> None:
         RESULT.print(f"recorded to {summary.recording}", soft_wrap=True)
 
 
-class _Progress:
+def _figures(ratio: float) -> str:
+    return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
+
+
+class Progress:
     """Rates and event time on a terminal, while the run goes on; nothing elsewhere."""
 
     def __init__(self) -> None:
@@ -117,7 +124,7 @@ class _Progress:
         self._shown = False
         self._before: tuple[float, int] = (monotonic(), 0)
 
-    def __enter__(self) -> _Progress:
+    def __enter__(self) -> Progress:
         if STATUS.is_terminal:
             self._live.start()
             self._shown = True
@@ -140,6 +147,6 @@ class _Progress:
             rows.add_row(name, str(counters.stepped), str(sent), str(lost or ""))
         then, before = self._before
         rate = (total - before) / max(now - then, 1e-9)
-        rows.caption = f"t = {t / 1e9:.3f} s, {rate:,.0f} messages/s"
+        line = f"t = {t / 1e9:.3f} s, {rate:,.0f} messages/s"
         self._before = (now, total)
-        self._live.update(rows, refresh=True)
+        self._live.update(Group(rows, line), refresh=True)

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import importlib
 import io
 import os
+import shlex
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
-import zstandard
 from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
-from lodeflow.errors import RecordingError
+from lodeflow.errors import RecordingError, did_you_mean
 from lodeflow.recording.mcap_records import INDEX_LAYOUT, MAGIC, PREFIX, Op
+from lodeflow.recording.mcap_unpack import UnpackError, unpack
 
 R = TypeVar("R")
 
-LARGEST_CHUNK = 1 << 30
-"""Bytes of a chunk that are taken into memory; a damaged file may ask for any number."""
-
 _TAIL = struct.Struct("<BQQQI8s")  # footer: prefix, summary, summary offsets, CRC; magic
-_CHUNK = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of a name
 
 
 class McapFile:
@@ -72,9 +68,19 @@ class McapFile:
         self._file.close()
         self._last = (-1, b"")
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def error(self, what: str) -> RecordingError:
         """Return the error to raise about this file."""
         return RecordingError(f"{self.path}: {what}")
+
+    @property
+    def _mend(self) -> str:
+        return f"mend it with: lodeflow recover {shlex.quote(str(self.path))}"
 
     def record(self, op: Op, offset: int) -> bytes:
         """Return the body of the record at an offset.
@@ -128,29 +134,59 @@ class McapFile:
             self._last = (place.chunk_start_offset, raw)
         return raw
 
+    def read_metadata(self, name: str) -> dict[str, str]:
+        """Return the first metadata of that name.
+
+        Raises:
+            RecordingError: there is none, or it is damaged.
+        """
+        place = self._named("metadata", name, self.metadata)
+        body = self.record(Op.METADATA, place.offset)
+        found: mcap.Metadata = self.parsed(mcap.Metadata.read, body)
+        return found.metadata
+
+    def read_attachment(self, name: str) -> bytes:
+        """Return the content of the first attachment of that name.
+
+        Raises:
+            RecordingError: there is none, or it is damaged.
+        """
+        place = self._named("attachment", name, self.attachments)
+        body = self.record(Op.ATTACHMENT, place.offset)
+        if int.from_bytes(body[-4:], "little") not in (0, zlib.crc32(body[:-4])):
+            raise self.error(f"the attachment '{name}' is damaged: its CRC differs")
+        found: mcap.Attachment = self.parsed(mcap.Attachment.read, body)
+        return found.data
+
+    def _named(self, what: str, name: str, places: Sequence[Any]) -> Any:
+        for place in places:
+            if place.name == name:
+                return place
+        names = list(dict.fromkeys(place.name for place in places))
+        raise self.error(
+            f"no {what} '{name}'{did_you_mean(name, names)} "
+            f"(there is: {', '.join(names) or 'nothing'})"
+        )
+
+    def check_complete(self, topic: str, channels: Iterable[int], found: int) -> None:
+        """Compare how many messages the index led to with how many there are.
+
+        Raises:
+            RecordingError: they differ.
+        """
+        count = sum(self.counts.get(channel, 0) for channel in channels)
+        if found != count:
+            raise self.error(
+                f"'{topic}' has {count} messages, but the index leads to {found}. Messages outside "
+                f"of chunks, or in chunks without a message index, cannot be read; {self._mend}"
+            )
+
     def _unpack(self, place: mcap.ChunkIndex) -> bytes:
         body = self.record(Op.CHUNK, place.chunk_start_offset)
         try:
-            _, _, size, crc, name_length = _CHUNK.unpack_from(body)
-            at = _CHUNK.size + name_length
-            compression = body[_CHUNK.size : at].decode()
-            (packed_size,) = struct.unpack_from("<Q", body, at)
-        except (struct.error, ValueError) as error:
-            raise self.error(f"{where(place)} is damaged: {error}") from error
-        packed = memoryview(body)[at + 8 :]
-        if len(packed) != packed_size:
-            raise self.error(f"{where(place)} is damaged: its length differs")
-        if size > LARGEST_CHUNK:
-            raise self.error(f"{where(place)} has {size} bytes; at most {LARGEST_CHUNK} are read")
-        try:
-            raw = _decompress(compression, packed, size)
-        except (zstandard.ZstdError, RuntimeError, ValueError) as error:  # lz4: RuntimeError
-            raise self.error(f"{where(place)} does not decompress: {error}") from error
-        if len(raw) != size:
-            raise self.error(f"{where(place)} is damaged: {len(raw)} bytes instead of {size}")
-        if crc and zlib.crc32(raw) != crc:
-            raise self.error(f"{where(place)} is damaged: its CRC differs")
-        return raw
+            return unpack(body).raw
+        except UnpackError as error:
+            raise self.error(f"{where(place)} {error}") from error
 
     def _open(self) -> None:
         if not self._size:
@@ -161,13 +197,13 @@ class McapFile:
         if not tail.endswith(MAGIC):
             raise self.error(
                 "was not closed: its end is missing. What wrote it was killed or still writes, or "
-                "this is half of a copy"
+                f"this is half of a copy; {self._mend}"
             )
         op, length, start, _, crc, _ = _TAIL.unpack(tail)
         if op != Op.FOOTER or length != 20 or start > self._size - _TAIL.size:
             raise self.error("is damaged: its footer is wrong")
         if not start:
-            raise self.error("has no summary; 'mcap recover' writes the file anew with one")
+            raise self.error(f"has no summary; {self._mend}")
         summary = self._bytes(start, self._size - start)
         if crc and zlib.crc32(summary[: -len(MAGIC) - 4]) != crc:
             raise self.error("is damaged: the CRC of its summary differs")
@@ -194,11 +230,11 @@ class McapFile:
         except (McapError, struct.error, ValueError, OverflowError) as error:
             raise self.error(f"its summary is damaged: {type(error).__name__}: {error}") from error
         if statistics is None:
-            raise self.error("its summary has no statistics; 'mcap recover' writes the file anew")
+            raise self.error(f"its summary has no statistics; {self._mend}")
         self.counts = statistics.channel_message_counts
         schemas = {channel.schema_id for channel in channels.values()} - {0}
         if not (self.counts.keys() <= channels.keys() and schemas <= self.schemas.keys()):
-            raise self.error("its summary lacks channels; 'mcap recover' writes the file anew")
+            raise self.error(f"its summary lacks channels; {self._mend}")
         self.channels = sorted(channels.values(), key=lambda channel: channel.id)
         self.chunks.sort(key=lambda place: place.chunk_start_offset)
 
@@ -217,23 +253,3 @@ class McapFile:
 def where(place: mcap.ChunkIndex) -> str:
     """Return a chunk's place in the file, in words."""
     return f"the chunk at byte {place.chunk_start_offset}"
-
-
-def _decompress(compression: str, packed: memoryview, size: int) -> bytes:
-    match compression:
-        case "":
-            return bytes(packed)
-        case "zstd":
-            # Without this check a damaged frame may ask for any amount of memory.
-            if zstandard.frame_content_size(packed) not in (-1, size):
-                raise ValueError("its size differs")
-            raw: bytes = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-            return raw
-        case "lz4":
-            try:
-                lz4 = importlib.import_module("lz4.frame")
-            except ImportError as error:
-                raise ValueError("it needs the package lz4; install it") from error
-            unpacked: bytes = lz4.LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
-            return unpacked
-    raise ValueError(f"its compression '{compression}' is unknown")

@@ -152,10 +152,10 @@ def attachment(t: int, name: str, media_type: str, data: bytes) -> bytes:
 
 
 def attachment_index(
-    offset: int, length: int, t: int, size: int, name: str, media_type: str
+    offset: int, length: int, t: int, size: int, name: str, media_type: str, *, created: int = 0
 ) -> bytes:
     """Return the index entry of an attachment."""
-    numbers = struct.pack("<QQQQQ", offset, length, t, 0, size)
+    numbers = struct.pack("<QQQQQ", offset, length, t, created, size)
     return record(Op.ATTACHMENT_INDEX, numbers, string(name), string(media_type))
 
 

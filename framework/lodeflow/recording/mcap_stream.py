@@ -12,12 +12,10 @@ from lodeflow.errors import MessageError
 from lodeflow.messages.cdr import HEADER, Layout, StreamConstants, layout_of, read_constants
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import PRIMITIVES, definition, full_name, leaves, members
-from lodeflow.recording.mcap_records import LOG_TIME_AT, PREFIX, Op, message_layout
+from lodeflow.recording.mcap_raw import numbers_at, places
 from lodeflow.sync import NEVER
 
-_LENGTH_AT, _CHANNEL_AT = 1, 9
-_DATA_AT = message_layout(0).itemsize
-_TEXT_AT = len(HEADER) + 8  # frame_id in a record, behind the stamp: its length, then its bytes
+TEXT_AT = len(HEADER) + 8  # frame_id in a record, behind the stamp: its length, then its bytes
 _FRAME = "frame_id"
 
 log = logging.getLogger(__name__)
@@ -58,14 +56,27 @@ class StreamDecoder:
             MessageError: the index or a message is damaged; a stamp repeats, or goes back
                 behind the chunks before.
         """
-        starts, sizes = _places(raw, entries, channels)
-        texts = _at(raw, _DATA_AT + _TEXT_AT, "<u4")[starts]
-        if (sizes == sizes[0]).all() and (texts == texts[0]).all():
-            block = self._columns(raw, starts, (int(sizes[0]), int(texts[0])))
-        else:
-            block = self._mixed(raw, starts, np.stack([sizes, texts], axis=1))
+        block = self.block(raw, *places(raw, entries, channels))
         self.count += len(block)
         return self._ordered(block)
+
+    def block(self, raw: bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64]) -> Message:
+        """Return the messages with some payloads as one block, in their order.
+
+        Args:
+            raw: bytes that hold the payloads.
+            starts: (N,) where they start, N > 0.
+            sizes: (N,) their sizes.
+
+        Raises:
+            MessageError: a payload is none of this type.
+        """
+        if sizes.min() < TEXT_AT + 4:
+            raise MessageError("a message is cut off")
+        texts = numbers_at(raw, TEXT_AT, "<u4")[starts]
+        if (sizes == sizes[0]).all() and (texts == texts[0]).all():
+            return self._columns(raw, starts, (int(sizes[0]), int(texts[0])))
+        return self._mixed(raw, starts, np.stack([sizes, texts], axis=1))
 
     def warn(self, where: str) -> None:
         """Log how many messages differ from the first in what a stream keeps but once."""
@@ -96,7 +107,7 @@ class StreamDecoder:
     def _columns(self, raw: bytes, starts: NDArray[Any], key: tuple[int, int]) -> Message:
         size, text = key
         anywhere = np.ndarray(len(raw) - size + 1, f"V{size}", raw, strides=(1,))
-        records = anywhere[starts + _DATA_AT].view(np.uint8).reshape(-1, size)
+        records = anywhere[starts].view(np.uint8).reshape(-1, size)
         if not (records[:, : len(HEADER)] == np.frombuffer(HEADER, np.uint8)).all():
             raise MessageError("a message is not plain little-endian CDR")
         if key not in self._layouts:
@@ -173,37 +184,7 @@ def _undeclared_layout(layout: Layout, text: int) -> np.dtype[Any]:
         {
             "names": [_FRAME, *(f"at {start}" for start, _ in joined)],
             "formats": [f"V{text}", *(f"V{size}" for _, size in joined)],
-            "offsets": [_TEXT_AT + 4, *(start for start, _ in joined)],
+            "offsets": [TEXT_AT + 4, *(start for start, _ in joined)],
             "itemsize": layout.size,
         }
     )
-
-
-def _places(
-    raw: bytes, entries: NDArray[Any], channels: NDArray[Any]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where message records start, and the sizes of their payloads.
-
-    No CRC guards a message index: its offsets are not followed out of the chunk.
-    """
-    last = max(len(raw) - _DATA_AT - _TEXT_AT - 4, -1)
-    if entries["offset"].max() > last:
-        raise MessageError("the message index is damaged, or a message is cut off")
-    starts = entries["offset"].astype(np.int64)
-    lengths = _at(raw, _LENGTH_AT, "<u8")[starts]
-    good = (np.frombuffer(raw, np.uint8)[starts] == Op.MESSAGE).all()
-    good = good and (_at(raw, _CHANNEL_AT, "<u2")[starts] == channels).all()
-    good = good and (_at(raw, LOG_TIME_AT, "<u8")[starts] == entries["log_time"]).all()
-    good = good and (lengths <= len(raw) - PREFIX.size - entries["offset"]).all()
-    if not good:
-        raise MessageError("the message index is damaged")
-    sizes = lengths.astype(np.int64) - (_DATA_AT - PREFIX.size)
-    if sizes.min() < _TEXT_AT + 4:
-        raise MessageError("a message is cut off")
-    return starts, sizes
-
-
-def _at(raw: bytes, offset: int, kind: str) -> NDArray[Any]:
-    """Return the numbers that begin `offset` bytes behind each byte, unaligned and not copied."""
-    size = np.dtype(kind).itemsize
-    return np.ndarray(len(raw) - offset - size + 1, kind, raw, offset, strides=(1,))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib import metadata
 from typing import Any
 
@@ -39,7 +40,7 @@ def provenance(graph: Graph, *, command: Sequence[str], started: str) -> dict[st
 def _versions(graph: Graph) -> dict[str, str]:
     """Return the versions of the libraries, and of the packages that brought the plugins."""
     tops = {node.plugin.__module__.partition(".")[0] for node in graph.nodes.values()}
-    by_module = metadata.packages_distributions()
+    by_module = _distributions()
     names = {*LIBRARIES, *(name for top in tops for name in by_module.get(top, ()))}
     found = {}
     for name in sorted(names):
@@ -48,6 +49,12 @@ def _versions(graph: Graph) -> dict[str, str]:
         except metadata.PackageNotFoundError:
             continue
     return found
+
+
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    """Return the packages that each top module belongs to; asked once, it looks at all files."""
+    return metadata.packages_distributions()
 
 
 def _cpu_features() -> list[str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self, TypeVar
@@ -14,7 +13,7 @@ from mcap import records as mcap
 from lodeflow.errors import MessageError, did_you_mean
 from lodeflow.messages.message import Message
 from lodeflow.recording.mcap_file import McapFile, where
-from lodeflow.recording.mcap_records import Op
+from lodeflow.recording.mcap_raw import indexed, topics
 from lodeflow.recording.mcap_stream import StreamDecoder, same_members
 
 M = TypeVar("M", bound=Message)
@@ -48,9 +47,7 @@ class Recording:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._file = McapFile(self.path)
-        self._channels: dict[str, list[mcap.Channel]] = {}
-        for channel in self._file.channels:
-            self._channels.setdefault(channel.topic, []).append(channel)
+        self._channels = topics(self._file)
         self.topics: Mapping[str, Topic] = {
             topic: Topic(
                 " | ".join(dict.fromkeys(self._schema(channel).name for channel in channels)),
@@ -80,10 +77,7 @@ class Recording:
         Raises:
             RecordingError: there is none, or the file is damaged.
         """
-        place = self._named("metadata", name, self._file.metadata)
-        body = self._file.record(Op.METADATA, place.offset)
-        found: mcap.Metadata = self._file.parsed(mcap.Metadata.read, body)
-        return found.metadata
+        return self._file.read_metadata(name)
 
     def attachment(self, name: str) -> bytes:
         """Return the content of the first attachment of that name.
@@ -91,12 +85,7 @@ class Recording:
         Raises:
             RecordingError: there is none, or the file is damaged.
         """
-        place = self._named("attachment", name, self._file.attachments)
-        body = self._file.record(Op.ATTACHMENT, place.offset)
-        if int.from_bytes(body[-4:], "little") not in (0, zlib.crc32(body[:-4])):
-            raise self._file.error(f"the attachment '{name}' is damaged: its CRC differs")
-        found: mcap.Attachment = self._file.parsed(mcap.Attachment.read, body)
-        return found.data
+        return self._file.read_attachment(name)
 
     def blocks(
         self,
@@ -145,7 +134,8 @@ class Recording:
                 if found:
                     yield found
             if start is None and end is None:
-                self._check_complete(streams)
+                for topic, stream in streams.items():
+                    self._file.check_complete(topic, stream.channels, stream.count)
         finally:
             for topic, stream in streams.items():
                 stream.warn(f"{self.path}: '{topic}'")
@@ -158,13 +148,8 @@ class Recording:
         start: int | None,
         end: int | None,
     ) -> Message | None:
-        indexes = [self._file.index(place, channel) for channel in stream.channels]
-        entries = np.concatenate(indexes)
-        channels = np.repeat(stream.channels, [len(index) for index in indexes])
+        _, entries, channels = indexed(self._file, place, stream.channels)
         t = entries["log_time"]
-        if (t[1:] < t[:-1]).any():
-            order = np.argsort(t, kind="stable")
-            entries, channels, t = entries[order], channels[order], t[order]
         first = 0 if start is None else int(np.searchsorted(t, np.uint64(max(start, 0))))
         last = len(t) if end is None else int(np.searchsorted(t, np.uint64(max(end, 0))))
         if first >= last:
@@ -173,15 +158,6 @@ class Recording:
             return stream.decode(self._file.chunk(place), entries[first:last], channels[first:last])
         except MessageError as error:
             raise self._file.error(f"'{topic}' in {where(place)}: {error}") from error
-
-    def _check_complete(self, streams: Mapping[str, StreamDecoder]) -> None:
-        for topic, stream in streams.items():
-            if stream.count != self.topics[topic].messages:
-                raise self._file.error(
-                    f"'{topic}' has {self.topics[topic].messages} messages, but the index leads to "
-                    f"{stream.count}. Messages outside of chunks, or in chunks without a message "
-                    "index, cannot be read; 'mcap recover' writes the file anew"
-                )
 
     def _decoder(self, topic: str, kind: type[Message]) -> StreamDecoder:
         if topic not in self.topics:
@@ -212,13 +188,3 @@ class Recording:
     def _schema(self, channel: mcap.Channel) -> mcap.Schema:
         without = mcap.Schema(id=0, data=b"", encoding="", name="")
         return self._file.schemas.get(channel.schema_id, without)
-
-    def _named(self, what: str, name: str, places: Sequence[Any]) -> Any:
-        for place in places:
-            if place.name == name:
-                return place
-        names = list(dict.fromkeys(place.name for place in places))
-        raise self._file.error(
-            f"no {what} '{name}'{did_you_mean(name, names)} "
-            f"(there is: {', '.join(names) or 'nothing'})"
-        )

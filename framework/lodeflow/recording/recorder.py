@@ -22,6 +22,7 @@ from lodeflow.graph.model import Wire
 from lodeflow.messages.cdr import HEADER, Layout, layout_of
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
+from lodeflow.recording.columns import LOG_TOPIC
 from lodeflow.recording.mcap_writer import McapWriter
 from lodeflow.runtime.plan import Plan
 
@@ -31,7 +32,6 @@ CHUNK_SECONDS = 0.8
 """Wall time after which the open chunk is closed, a look's length below the promised second."""
 BACKLOG = 64
 """Blocks that may wait to be written before the run is held back."""
-LOG_TOPIC = "/rosout"
 LOG_SCHEMA = (
     "rcl_interfaces/msg/Log",
     "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n"

@@ -11,7 +11,15 @@ from lodeflow.errors import MessageError
 from lodeflow.graph.model import Wire
 from lodeflow.node import InputPort, OutputPort
 from lodeflow.runtime.align import Column, GateColumn, Rows, join_rows, make_aligner
-from lodeflow.runtime.plan import Plan, PlanNode, Tap, check_output, check_sample, last_words
+from lodeflow.runtime.plan import (
+    RAISED,
+    Plan,
+    PlanNode,
+    Tap,
+    check_output,
+    check_sample,
+    last_words,
+)
 from lodeflow.sync import END, NEVER, Each, Sparse
 
 
@@ -136,7 +144,7 @@ class BlockNode:
         if self.node.spec.has_block:
             try:
                 returned = plugin.step_block(*arguments)
-            except Exception as error:
+            except RAISED as error:
                 span = int(rows.t[0]) if len(rows.t) == 1 else f"{rows.t[0]}..{rows.t[-1]}"
                 raise self.node.failure("step_block", span, error) from error
             messages = self._by_port(returned)
@@ -174,7 +182,7 @@ class BlockNode:
             samples = [get(index) for get in getters]
             try:
                 returned = step(*samples)
-            except Exception as error:
+            except RAISED as error:
                 raise self.node.failure("step", t, error) from error
             if returned is None:
                 continue

@@ -15,7 +15,8 @@ from lodeflow.clock import Clock
 from lodeflow.errors import ContractError
 from lodeflow.messages.cdr import FIRST_STAMP, LAST_STAMP
 from lodeflow.messages.message import Message
-from lodeflow.runtime.plan import PlanNode, check_output
+from lodeflow.node import Source
+from lodeflow.runtime.plan import RAISED, PlanNode, check_output
 from lodeflow.sync import END, NEVER, Bound
 
 INBOX_SIZE = 10_000
@@ -26,6 +27,13 @@ def max_delay(node: PlanNode) -> int | None:
     """Return how late a live source's samples may come; None for data at rest."""
     delay: int | None = getattr(node.plugin, "max_delay", None)
     return delay
+
+
+class Fed(Source):
+    """Base of sources whose messages were in a graph before: they enter as they are.
+
+    A node may send NaN, which no source may; replay can feed the streams of either.
+    """
 
 
 class Batch(NamedTuple):
@@ -43,6 +51,7 @@ class Intake:
         self.source: Any = node.plugin
         self.ports = node.spec.outputs
         self.live = max_delay(node) is not None
+        self.fed = isinstance(node.plugin, Fed)
         self.floor = NEVER
         self.last = [NEVER] * len(self.ports)
 
@@ -87,7 +96,7 @@ class Intake:
             )
 
     def _clean(self, index: int, block: Any) -> Any:
-        finite = finite_rows(block)
+        finite = None if self.fed else finite_rows(block)
         if finite is not None:
             self.node.counters.lose("nonfinite", int(len(block) - finite.sum()))
             block = block[finite]
@@ -141,7 +150,7 @@ def batches(node: PlanNode, clock: Clock) -> Generator[Batch]:
                 if items is None:
                     items = iter(intake.source.read(clock))
                 item = next(items, _NO_MORE)
-            except Exception as error:
+            except RAISED as error:
                 raise node.failure("read", max(intake.last), error) from error
             batch = Batch([], END) if item is _NO_MORE else intake.take(item)
             bound = batch.bound
@@ -233,7 +242,7 @@ class LiveFeed:
                     self.inbox.append(item)
                 self.wake.set()
             _close(items)
-        except Exception as error:  # raised again by `drain`, on the run's own thread
+        except RAISED as error:  # raised again by `drain`, on the run's own thread
             self.error = error
         finally:
             self.ended = True

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from lodeflow.errors import ContractError, NodeFailure
@@ -12,6 +15,9 @@ from lodeflow.graph.topology import order
 from lodeflow.messages.message import Message
 from lodeflow.node import InputPort, Node, NodeSpec, OutputPort, Source
 from lodeflow.sync import NEVER, Each, Sync
+
+RAISED = (Exception, SystemExit)
+"""What a plugin may raise and the run reports: also an exit, which is no plugin's to call."""
 
 Tap = Callable[[Message], None]
 """Gets every message of a port, as sample or block, in order; it must not block or write."""
@@ -46,9 +52,13 @@ class PlanNode:
 
     def __init__(self, graph_node: GraphNode) -> None:
         self.name = graph_node.name
-        self.plugin: Node | Source = graph_node.plugin(graph_node.params, name=graph_node.name)
-        self.spec: NodeSpec = graph_node.plugin.spec
+        self.kind = graph_node.plugin
         self.wires: dict[str, Wire] = dict(graph_node.inputs)
+        try:
+            self.plugin: Node | Source = graph_node.plugin(graph_node.params, name=graph_node.name)
+        except RAISED as error:
+            raise self.failure("__init__", NEVER, error) from error
+        self.spec: NodeSpec = graph_node.plugin.spec
         self.gates: tuple[Gate, ...] = graph_node.gates
         self.allow = graph_node.allow
         self.counters = Counters(sent={port.name: 0 for port in self.spec.outputs})
@@ -89,8 +99,9 @@ class PlanNode:
         inputs = ", ".join(f"{port}={wire}" for port, wire in self.wires.items())
         when = "before its first message" if t == NEVER else f"at t={t}"
         failure = NodeFailure(
-            f"node '{self.name}' ({type(self.plugin).__name__}.{what}) failed {when}"
+            f"node '{self.name}' ({self.kind.__name__}.{what}) failed {when}"
             f"{f' on {inputs}' if inputs else ''}: {type(error).__name__}: {error}"
+            f"{_place(self.kind, error)}"
         )
         failure.__cause__ = error
         return failure
@@ -98,9 +109,19 @@ class PlanNode:
     def broken(self, port: str, rule: str) -> ContractError:
         """Return the error to raise when the node broke a rule of event time."""
         return ContractError(
-            f"node '{self.name}' ({type(self.plugin).__name__}) broke the contract of port "
-            f"'{port}': {rule}"
+            f"node '{self.name}' ({self.kind.__name__}) broke the contract of port '{port}': {rule}"
         )
+
+
+def _place(kind: type, error: BaseException) -> str:
+    """Return where in the plugin's own file an error arose, as " (file:line)"."""
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None)
+    lines = [
+        number
+        for frame, number in traceback.walk_tb(error.__traceback__)
+        if frame.f_code.co_filename == file
+    ]
+    return f" ({Path(file).name}:{lines[-1]})" if file and lines else ""
 
 
 class Plan:
@@ -143,7 +164,7 @@ class Plan:
         for node in self.nodes.values():
             try:
                 node.plugin.start()
-            except Exception as error:
+            except RAISED as error:
                 raise node.failure("start", NEVER, error) from error
 
 
@@ -192,7 +213,7 @@ def last_words(node: PlanNode, outputs: Sequence[Any], last_row: int) -> list[tu
     finish = getattr(node.plugin, "finish", None)
     try:
         returned = None if finish is None else finish()
-    except Exception as error:
+    except RAISED as error:
         raise node.failure("finish", last_row, error) from error
     if returned is None:
         return []

@@ -15,7 +15,15 @@ from lodeflow.graph.model import Wire
 from lodeflow.messages.message import Message
 from lodeflow.node import OutputPort
 from lodeflow.runtime.joins import make_join
-from lodeflow.runtime.plan import Plan, PlanNode, Tap, check_output, check_sample, last_words
+from lodeflow.runtime.plan import (
+    RAISED,
+    Plan,
+    PlanNode,
+    Tap,
+    check_output,
+    check_sample,
+    last_words,
+)
 from lodeflow.sync import END, NEVER, Each, Sparse
 
 Accept = Callable[[Any], None]
@@ -174,7 +182,7 @@ class SampleNode:
             counters.stepped += 1
             try:
                 out = step(message)
-            except Exception as error:
+            except RAISED as error:
                 raise node.failure("step", row, error) from error
             if out is None:
                 return
@@ -210,7 +218,7 @@ class SampleNode:
                 samples = tuple([next(present) if has else None for has in wired])
             try:
                 returned = step(*samples)
-            except Exception as error:
+            except RAISED as error:
                 raise node.failure(what, t, error) from error
             if returned is None:
                 return

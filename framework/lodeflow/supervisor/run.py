@@ -6,9 +6,10 @@ import datetime
 import json
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from lodeflow.clock import monotonic, seconds, wall_time
@@ -27,6 +28,9 @@ GRACE = 1.0
 """Seconds that a run has to end by itself after Ctrl-C, before it is interrupted where it is."""
 
 
+LONGEST = 2**31
+"""Seconds of event time that stamps can tell apart."""
+
 Progress = Callable[[Plan, int], None]
 """Called now and then with the plan and the event time reached."""
 
@@ -39,6 +43,7 @@ def run(
     duration: float | None = None,
     progress: Progress = lambda plan, t: None,
     command: Sequence[str] = (),
+    about: Mapping[str, str] = MappingProxyType({}),
 ) -> Summary:
     """Run a graph to its end.
 
@@ -49,6 +54,7 @@ def run(
         duration: seconds of event time; None for all there is.
         progress: called about ten times a second.
         command: arguments of the command line, kept in the recording.
+        about: what else is kept in the recording's provenance.
 
     Returns:
         The summary; an error that ended the run is in it, with the recording closed.
@@ -56,12 +62,12 @@ def run(
     Raises:
         LodeflowError: the run could not start (nothing is left behind).
     """
+    if duration is not None and not 0 < duration < LONGEST:
+        raise RunError(f"a duration is above 0 and below {LONGEST} s, got {duration}")
     plan = Plan(graph)
-    summary = Summary(graph.name, {name: node.counters for name, node in plan.nodes.items()})
-    summary.counters = {name: summary.counters[name] for name in graph.nodes}
+    summary = Summary(graph.name, {name: plan.nodes[name].counters for name in graph.nodes})
     _keep_scores(plan, summary)
-    recorder = _recorder(graph, plan, record, command)
-    watch = _Watch(plan, recorder, progress)
+    watch = _Watch(plan, progress)
     engine = Engine(
         plan,
         speed=speed,
@@ -69,7 +75,8 @@ def run(
         watch=watch,
     )
     started = monotonic()
-    with _interruptible(engine) as closing:
+    with _interruptible(engine) as closing:  # before the file is begun: it must be closed too
+        watch.recorder = recorder = _recorder(graph, plan, record, command, about)
         try:
             engine.run()
         except KeyboardInterrupt:
@@ -108,7 +115,11 @@ def _keep_scores(plan: Plan, summary: Summary) -> None:
 
 
 def _recorder(
-    graph: Graph, plan: Plan, record: str | None, command: Sequence[str]
+    graph: Graph,
+    plan: Plan,
+    record: str | None,
+    command: Sequence[str],
+    about: Mapping[str, str],
 ) -> Recorder | None:
     begun = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC)
     path, streams = record, None
@@ -121,7 +132,7 @@ def _recorder(
     recorder = Recorder(
         Path(path),
         graph=dump(graph),
-        provenance=provenance(graph, command=command, started=begun.isoformat()),
+        provenance={**provenance(graph, command=command, started=begun.isoformat()), **about},
     )
     recorder.attach(plan, tuple(graph.streams()) if streams is None else streams)
     return recorder
@@ -130,9 +141,9 @@ def _recorder(
 class _Watch:
     """Between batches: is the recorder keeping up, and is it time to show progress?"""
 
-    def __init__(self, plan: Plan, recorder: Recorder | None, progress: Progress) -> None:
+    def __init__(self, plan: Plan, progress: Progress) -> None:
         self.plan = plan
-        self.recorder = recorder
+        self.recorder: Recorder | None = None
         self.progress = progress
         self.shown = 0.0
 

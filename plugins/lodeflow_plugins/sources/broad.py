@@ -71,6 +71,9 @@ def _load(file: str) -> dict[str, Any]:
             raise ValueError(
                 f"{file}: {name} has the shape {found[name].shape}, not {(count, width)}"
             )
+    rate = found["sampling_rate"]
+    if rate.size != 1 or rate.dtype.kind not in "iuf" or not 0 < rate.item() < np.inf:
+        raise ValueError(f"{file}: sampling_rate should be one number above 0, not {rate.tolist()}")
     data = {name: np.ascontiguousarray(found[name], float) for name in WIDTHS}
     data["movement"] = found["movement"].ravel().astype(np.int64)
-    return {**data, "rate": float(found["sampling_rate"].item())}
+    return {**data, "rate": float(rate.item())}

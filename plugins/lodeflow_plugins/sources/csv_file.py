@@ -1,20 +1,18 @@
 """A CSV file as a source: columns mapped to ports, units converted, read in blocks."""
 
-import csv
-import re
 from collections.abc import Iterator
 from decimal import Decimal, InvalidOperation
-from itertools import islice
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TextIO
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 import lodeflow as lf
+from lodeflow_plugins.sources.csv_table import BadRow, Table
 
 NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "ns": 1}
-UNIT_IN_HEADER = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]")
 
 
 class Ports(NamedTuple):
@@ -30,8 +28,9 @@ class Time(lf.Params):
 
     column: str
     """Name in the header."""
-    unit: Literal["s", "ms", "us", "µs", "ns"] = "s"
-    """Unit of the stamps. They are converted in decimals, without rounding below 1 ns."""
+    unit: Literal["s", "ms", "us", "µs", "ns"] | None = None
+    """Unit of the stamps, which are converted in decimals, without rounding above 1 ns; null for
+    that in the header, "t [ms]", or else s."""
 
 
 class Vector(lf.Params):
@@ -77,7 +76,9 @@ class CsvFile(lf.Source):
     are in the body frame (FLU), the truth is magnetic ENU <- FLU. Where all cells of a port are
     empty, it has no message in that row, so a slow sensor may share a file with a fast one. A
     cell that is empty otherwise, or says nan, is NaN: passed on in the truth, dropped and
-    counted in all else. The file is read as the run goes on, never as a whole.
+    counted in all else. A unit in the header must not contradict the one in the graph. The file
+    is UTF-8 and read as the run goes on, never as a whole; a bad row ends the run after the rows
+    before it have passed.
     """
 
     rows: ClassVar[int] = 1000
@@ -90,7 +91,7 @@ class CsvFile(lf.Source):
         """Path."""
         time: Time | None = None
         """Column of stamps. Or give `rate`."""
-        rate: Annotated[float | None, lf.Hertz] = Field(None, gt=0)
+        rate: Annotated[float | None, lf.Hertz] = Field(None, gt=0, le=1e6)
         """Rows per second of a file without stamps; t counts from the start of the run."""
         angular_velocity: Rate | None = None
         """Columns of the port `imu`."""
@@ -127,89 +128,31 @@ class CsvFile(lf.Source):
 
     def read(self, clock: lf.Clock) -> Iterator[Ports]:
         path = Path(self.params.file)
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            table = _Table(self.params.file, file, self.params.delimiter)
-            ports = _Reader(table, self.params)
+        with path.open(newline="", encoding="utf-8-sig", errors="surrogateescape") as file:
+            table = Table(self.params.file, file, self.params.delimiter)
+            reader = _Reader(table, self.params)
             first = 0
             while table.advance(self.rows):
-                yield ports.block(clock.start, first)
+                block = reader.block(clock.start, first)
+                if table.lines:
+                    yield block
+                if table.error is not None:
+                    raise table.error
                 first += len(table.lines)
-
-
-class _Table:
-    """The rows of the file, some at a time, with errors that say where."""
-
-    def __init__(self, name: str, file: TextIO, delimiter: str) -> None:
-        self.name = name
-        self.reader = csv.reader(file, delimiter=delimiter)
-        self.header = [cell.strip() for cell in next(self.reader, [])]
-        self.header_line = self.reader.line_num
-        self.lines: list[int] = []
-        self.cells: list[list[str]] = []
-        if not self.header:
-            raise ValueError(f"{name}:1: empty; the first line should name the columns")
-
-    def advance(self, rows: int) -> bool:
-        """Go on to the next rows; False at the end of the file."""
-        numbered = ((self.reader.line_num, row) for row in self.reader if row)
-        found = list(islice(numbered, rows))
-        self.lines = [line for line, _ in found]
-        self.cells = [row for _, row in found]
-        for line, row in found:
-            if len(row) != len(self.header):
-                raise ValueError(
-                    f"{self.name}:{line}: {len(row)} cells, but the header has {len(self.header)}"
-                )
-        return bool(found)
-
-    def find(self, column: str) -> int:
-        """Index of a column by its name, with or without the unit in the header."""
-        for names in (self.header, [_split(name)[0] for name in self.header]):
-            if names.count(column) == 1:
-                return names.index(column)
-            if column in names:
-                what = "the header has it more than once"
-                raise ValueError(f"{self.name}:{self.header_line}:{column}: {what}")
-        columns = ", ".join(self.header)
-        raise ValueError(
-            f"{self.name}:{self.header_line}:{column}: no such column (the file has {columns})"
-        )
-
-    def factor(self, index: int, unit: str | None, of: type[lf.Unit]) -> float:
-        """Factor of a column to SI: of the unit asked for, or that in the header."""
-        unit = unit or _split(self.header[index])[1]
-        try:
-            return 1.0 if not unit else _factor(of, unit)
-        except ValueError as error:
-            where = f"{self.name}:{self.header_line}:{self.header[index]}"
-            raise ValueError(f"{where}: {error}") from None
-
-    def texts(self, index: int) -> list[str]:
-        """Cells of a column."""
-        return [row[index].strip() for row in self.cells]
-
-    def numbers(self, index: int) -> np.ndarray:
-        """Cells of a column as numbers; empty ones are NaN."""
-        texts = self.texts(index)
-        try:
-            return np.array([float(text or "nan") for text in texts])
-        except ValueError:
-            raise self.refusal(index, _is_number) from None
-
-    def refusal(self, index: int, good: Any, what: str = "is not a number") -> ValueError:
-        """The error for the first cell of a column that is not good."""
-        bad = next(at for at, text in enumerate(self.texts(index)) if not good(text))
-        where = f"{self.name}:{self.lines[bad]}:{self.header[index]}"
-        return ValueError(f"{where}: {self.texts(index)[bad]!r} {what}")
 
 
 class _Reader:
     """Turns the rows of a table into messages."""
 
-    def __init__(self, table: _Table, params: Any) -> None:
+    def __init__(self, table: Table, params: Any) -> None:
         self.table = table
         self.params = params
-        self.time = None if params.time is None else table.find(params.time.column)
+        self.time: int | None = None
+        self.nanoseconds = NANOSECONDS["s"]
+        if params.time is not None:
+            self.time = table.find(params.time.column)
+            given = table.factor(self.time, params.time.unit, _nanoseconds)
+            self.nanoseconds = given or self.nanoseconds
         self.rate = self._vector(params.angular_velocity)
         self.force = self._vector(params.linear_acceleration)
         self.field = self._vector(params.magnetic_field)
@@ -221,10 +164,21 @@ class _Reader:
         if vector is None:
             return []
         found = [self.table.find(name) for name in vector.columns]
-        return [(i, self.table.factor(i, vector.unit, vector.of)) for i in found]
+        of = partial(_factor, vector.of)
+        return [(i, self.table.factor(i, vector.unit, of) or 1.0) for i in found]
 
     def block(self, start: int, first: int) -> Ports:
-        """The messages of the table's rows, the first of which is the row `first` of the file."""
+        """The messages of the table's rows, the first of which is the row `first` of the file.
+
+        A row with a bad cell is cut off the table, with all that follow.
+        """
+        while True:
+            try:
+                return self._ports(start, first)
+            except BadRow as bad:  # the cells go by column, so an earlier row may be bad as well
+                self.table.cut(bad)
+
+    def _ports(self, start: int, first: int) -> Ports:
         t = self._stamps(start, first)
         return Ports(
             self._message(lf.Imu, t, self.rate, self.force),
@@ -248,7 +202,7 @@ class _Reader:
             for field in fields
         ]
         columns += integers or []
-        rows = np.array([any(map(str.strip, cells)) for cells in self._cells(used)])
+        rows = np.array([any(map(str.strip, cells)) for cells in self._cells(used)], bool)
         if rows.all():
             return kind(t, *columns)
         return kind(t[rows], *[column[rows] for column in columns])
@@ -260,7 +214,7 @@ class _Reader:
         if self.time is None:
             row = np.arange(first, first + len(self.table.lines))
             return start + np.rint(row * 1e9 / self.params.rate).astype(np.int64)
-        factor = NANOSECONDS[self.params.time.unit]
+        factor = self.nanoseconds
         try:
             return np.array(
                 [round(Decimal(text) * factor) for text in self.table.texts(self.time)], np.int64
@@ -279,25 +233,19 @@ class _Reader:
         return np.array(texts, np.int64)
 
 
+def _nanoseconds(unit: str) -> int:
+    try:
+        return NANOSECONDS[unit]
+    except KeyError:
+        known = " | ".join(NANOSECONDS)
+        raise ValueError(f"{unit!r} is not a unit of time stamps ({known})") from None
+
+
 def _factor(of: type[lf.Unit], unit: str) -> float:
     try:
         return of.factor(unit)
     except lf.MessageError as error:
         raise ValueError(str(error)) from None
-
-
-def _split(header: str) -> tuple[str, str]:
-    """The name and the unit in a header such as "gx [deg/s]" or "gx (deg/s)"."""
-    match = UNIT_IN_HEADER.fullmatch(header)
-    return (match["name"], match["unit"].strip()) if match else (header, "")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text or "nan")
-    except ValueError:
-        return False
-    return True
 
 
 def _is_stamp(text: str, factor: int) -> bool:

@@ -222,7 +222,7 @@ def test_a_stamp_that_repeats(path):
         ({"use_chunking": False}, "'/imu' has 9 messages, but the index leads to 0"),
         (
             {"index_types": IndexType.ALL & ~IndexType.MESSAGE},
-            "'/imu' has 9 messages, but the index leads to 0.*'mcap recover' writes the file anew",
+            "'/imu' has 9 messages, but the index leads to 0.*; mend it with: lodeflow recover ",
         ),
         ({"use_statistics": False}, "its summary has no statistics"),
         ({"repeat_channels": False}, "its summary lacks channels"),

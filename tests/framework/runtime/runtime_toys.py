@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -176,3 +177,8 @@ def plan_of(node: type[lf.Node], *, hears: bool = False) -> Plan:
 
 def fail(x: Any) -> Any:
     return 1 // 0
+
+
+def told(error: BaseException) -> str:
+    """Return an error's text without the line at which a toy raised."""
+    return re.sub(r" \([\w.]+:\d+\)$", "", str(error))

@@ -19,6 +19,7 @@ from runtime_toys import (
     rows,
     stepping,
     tapped,
+    told,
 )
 
 import lodeflow as lf
@@ -32,7 +33,7 @@ both = pytest.mark.parametrize("form", ["blocks", "samples"])
 def broken(form: str, plan: Plan, data: Any = None) -> str:
     with pytest.raises(ContractError) as found:
         drive(form, plan, ramp(3) if data is None else data)
-    text = str(found.value)
+    text = told(found.value)
     start = "node 'n' (Node) broke the contract of port "
     assert text.startswith(start), text
     return text.removeprefix(start)
@@ -191,7 +192,7 @@ def failure(form: str, plan: Plan) -> str:
     with pytest.raises(NodeFailure) as found:
         drive(form, plan, ramp(3))
     assert isinstance(found.value.__cause__, ZeroDivisionError)
-    return str(found.value)
+    return told(found.value)
 
 
 ZERO = "ZeroDivisionError: integer division or modulo by zero"

@@ -10,7 +10,7 @@ import pytest
 from feeding import Rows, any_rows, by_definition, cut, planned
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from runtime_toys import Pair, Reading, block, ramp, reading, rows, source
+from runtime_toys import Pair, Reading, block, ramp, reading, rows, source, told
 
 import lodeflow as lf
 from lodeflow.clock import SimClock
@@ -127,7 +127,7 @@ def test_nothing_is_nothing() -> None:
 def broken(*items: Any, pair: bool = False) -> str:
     with pytest.raises(ContractError) as found:
         read(source(*items, pair=pair))
-    text = str(found.value)
+    text = told(found.value)
     start = "node 's' (Scripted) broke the contract of port "
     assert text.startswith(start)
     return text.removeprefix(start)
@@ -167,7 +167,7 @@ def failed(plugin: type[lf.Source]) -> str:
     with pytest.raises(NodeFailure) as found:
         list(batches(node, SimClock()))
     assert found.value.__cause__ is not None
-    return str(found.value)
+    return told(found.value)
 
 
 def test_a_source_that_raises() -> None:

@@ -11,7 +11,7 @@ import pytest
 from feeding import Rows, any_rows, by_definition, cut, planned
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from runtime_toys import Pair, Reading, block, ramp, reading, rows, source
+from runtime_toys import Pair, Reading, block, ramp, reading, rows, source, told
 
 import lodeflow as lf
 from lodeflow.clock import SimClock
@@ -132,7 +132,7 @@ def test_an_error_in_the_thread_comes_after_what_was_read_before() -> None:
     with pytest.raises(NodeFailure) as found:
         seen.extend(feed.drain())
     assert [rows([b]) for batch in seen for _, b in batch.blocks] == [[(3, 0.0)]]
-    assert str(found.value) == ("node 's' (Scripted.read) failed at t=3: OSError: unplugged")
+    assert told(found.value) == ("node 's' (Scripted.read) failed at t=3: OSError: unplugged")
     assert isinstance(found.value.__cause__, OSError)
 
 

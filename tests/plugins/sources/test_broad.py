@@ -57,3 +57,9 @@ def test_a_file_that_is_no_trial_is_refused(tmp_path, trial):
     text.write_text("this is no MATLAB file, although it is longer than its header\n" * 9)
     with pytest.raises(ValueError, match=r"text\.mat: cannot be read as a MATLAB file"):
         list(BroadTrial(BroadTrial.Params(file=str(text))).read(SimClock()))
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, "fast", [100.0, 200.0], []])
+def test_a_sampling_rate_that_makes_no_stamps_is_refused(tmp_path, trial, rate):
+    with pytest.raises(ValueError, match=r"trial\.mat: sampling_rate should be one number above 0"):
+        read(tmp_path / "trial.mat", {**trial, "sampling_rate": rate})

@@ -114,6 +114,9 @@ nodes:
 
 BAD = {
     "log.csv:1:my: no such column (the file has t, mx, mz)": "t,mx,mz\n0,1,3\n",
+    "log.csv:1:my: no such column, did you mean 'MY'? (the file has t, mx, MY [uT], mz)": (
+        "t,mx,MY [uT],mz\n0,1,2,3\n"
+    ),
     "log.csv:1:mx: the header has it more than once": "t,mx,mx,my,mz\n0,1,1,2,3\n",
     "log.csv:3:my: 'two' is not a number": "t,mx,my,mz\n0,1,2,3\n1,1,two,3\n",
     "log.csv:4: 3 cells, but the header has 4": "t,mx,my,mz\n0,1,2,3\n\n1,1,3\n",
@@ -133,8 +136,85 @@ def test_a_mistake_is_told_with_its_place(read, message):
 
 
 def test_a_wrong_unit_in_the_header_is_told_with_its_place(read):
-    with pytest.raises(ValueError, match=r"log\.csv:1:my \[V\]: 'V' is not a unit of T"):
-        read("t,mx,my [V],mz\n0,1,2,3\n", **TIME, magnetic_field={"columns": ["mx", "my", "mz"]})
+    text = "t,mx,my [V],mz\n0,1,2,3\n"
+    for unit in ({}, {"unit": "uT"}):
+        with pytest.raises(ValueError, match=r"log\.csv:1:my \[V\]: 'V' is not a unit of T"):
+            read(text, **TIME, magnetic_field={"columns": ["mx", "my", "mz"], **unit})
+
+
+@pytest.mark.parametrize(
+    ("header", "params", "why"),
+    [
+        ("t,mx,my [mG],mz", {**TIME, **MAG}, "my [mG]: the header says mG, the graph uT"),
+        ("t (us),mx,my,mz", {**TIME, **MAG}, "t (us): the header says us, the graph ms"),
+    ],
+)
+def test_a_unit_in_the_header_must_not_contradict_the_graph(read, header, params, why):
+    with pytest.raises(ValueError, match=r"log\.csv:1:") as raised:
+        read(f"{header}\n0,1,2,3\n", **params)
+    assert str(raised.value).endswith(f"log.csv:1:{why}; make them equal or leave one out")
+
+
+def test_two_spellings_of_one_unit_do_not_contradict(read):
+    ports = read("t [ms],mx [µT],my [uT],mz\n7,1,2,3\n", **TIME, **MAG)
+    np.testing.assert_allclose(ports["mag"].magnetic_field[0], [1e-6, 2e-6, 3e-6])
+    assert ports["mag"].t.tolist() == [7_000_000]
+
+
+def test_each_column_converts_by_the_unit_in_its_own_header(read):
+    text = "t [us],mx [mG],my [nT],mz\n5,100,200,3\n"
+    columns = {"columns": ["mx", "my", "mz"]}
+    ports = read(text, time={"column": "t"}, magnetic_field=columns)
+    np.testing.assert_allclose(ports["mag"].magnetic_field[0], [1e-5, 2e-7, 3])
+    assert ports["mag"].t.tolist() == [5000]
+
+
+def test_a_wrong_unit_in_the_header_of_the_stamps_is_told_with_its_place(read):
+    with pytest.raises(ValueError, match=r"log\.csv:1:t \[h\]: 'h' is not a unit of time stamps"):
+        read("t [h],mx,my,mz\n0,1,2,3\n", time={"column": "t"}, **MAG)
+
+
+def note_stamps(reading, seen):
+    for ports in reading:
+        seen += ports.mag.t.tolist()
+
+
+GOOD = b"t,mx,my,mz\n0,1,2,3\n1,1,2,3\n"
+
+
+@pytest.mark.parametrize(
+    ("bad", "why"),
+    [
+        (b"2,1,2\n", "4: 3 cells, but the header has 4"),
+        (b"2,1,two,3\n", "4:my: 'two' is not a number"),
+        (b"soon,1,2,3\n", "4:t: 'soon' is not a time stamp"),
+        # By column, the last line is met first.
+        (b"2,1,2,three\n3,one,2,3\n", "4:mz: 'three' is not a number"),
+        (b"2,1,2,three\n3,1,2\n", "4:mz: 'three' is not a number"),
+        ("2,1,2,3°\n".encode("latin-1"), "4: not UTF-8 (byte 0xb0); save it as UTF-8"),
+        (b"2,1,2," + b"3" * 140_000 + b"\n", "4: field larger than field limit (131072)"),
+    ],
+)
+@pytest.mark.parametrize("rows", [1, 2, 1000])
+def test_the_rows_before_a_bad_one_pass(tmp_path, monkeypatch, bad, why, rows):
+    monkeypatch.setattr(CsvFile, "rows", rows)
+    path = tmp_path / "log.csv"
+    path.write_bytes(GOOD + bad + b"9,1,2,3\n")
+    reading = CsvFile(CsvFile.Params(file=str(path), **TIME, **MAG)).read(SimClock())
+    seen = []
+    with pytest.raises(ValueError, match=r"log\.csv:4:") as raised:
+        note_stamps(reading, seen)
+    assert str(raised.value) == f"{path}:{why}"
+    assert seen == [0, 1_000_000]
+
+
+def test_a_header_that_is_not_utf_8_is_told_with_its_place(tmp_path):
+    path = tmp_path / "log.csv"
+    params = CsvFile.Params(file=str(path), **TIME, **MAG)
+    for content, byte in (("t,mx [µT],my,mz\n", "b5"), ("t,mx,my,mz\n", "ff")):
+        path.write_bytes(content.encode("latin-1" if byte == "b5" else "utf-16"))
+        with pytest.raises(ValueError, match=rf"log\.csv:1: not UTF-8 \(byte 0x{byte}\)"):
+            list(CsvFile(params).read(SimClock()))
 
 
 def test_moving_is_0_or_1(read):
@@ -150,6 +230,7 @@ def test_moving_is_0_or_1(read):
     [
         (MAG, "give one of time and rate"),
         ({**TIME, **MAG, "rate": 100}, "give one of time and rate"),
+        ({**MAG, "rate": "2000 kHz"}, "less than or equal to 1000000"),
         ({**TIME, "angular_velocity": IMU["angular_velocity"]}, "imu needs both"),
         (TIME, "nothing to read"),
         ({**TIME, **MAG, "moving": "ok"}, "moving belongs to a truth"),

@@ -85,8 +85,8 @@ class SimulatedVehicle(lf.Source):
         """Of all noise."""
         duration: Annotated[float, lf.Second] = Field(120.0, gt=0)
         """Length of the run."""
-        rate: Annotated[float, lf.Hertz] = Field(100.0, gt=0)
-        """Samples per second of all sensors."""
+        rate: Annotated[float, lf.Hertz] = Field(100.0, gt=0, le=1e5)
+        """Samples per second of all sensors; up to 100 kHz, far from two at one stamp."""
         heading: Turning = _turning(ROUGH.heading)
         """Clockwise from magnetic north."""
         pitch: Turning = _turning(ROUGH.pitch)

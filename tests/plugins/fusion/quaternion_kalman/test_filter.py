@@ -163,7 +163,7 @@ def test_dynamic_run_of_a_shaken_vehicle(seed):
 
 
 @pytest.mark.parametrize("variance", [1e-3, 1e-2, 1e-1, 1.0])
-def test_below_3_degrees_for_any_measurement_noise(variance):
+def test_below_0_4_degrees_for_any_measurement_noise(variance):
     for seed in range(4):
         rate, measured, constants = vehicle_run(seed, variance)
         _, out, _ = run(STAMPS, rate, measured, np.arange(ROWS), constants)

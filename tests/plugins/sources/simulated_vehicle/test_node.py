@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from lodeflow.clock import SimClock
 from lodeflow_plugins.calibration import chu2017
@@ -36,6 +37,13 @@ def test_length_rate_and_start():
     ports = read(start=10**18, duration=2.5, rate=40)
     for block in ports.values():
         assert (block.t - 10**18).tolist() == list(range(0, 2_500_000_000, 25_000_000))
+
+
+def test_stamps_increase_at_the_highest_rate():
+    t = read(rate="100 kHz", duration=0.01)["imu"].t
+    assert t.tolist() == list(range(0, 10_000_000, 10_000))
+    with pytest.raises(ValidationError, match="less than or equal to 100000"):
+        SimulatedVehicle.Params(rate=2e9)
 
 
 def test_raw_counts_are_the_calibrated_readings():

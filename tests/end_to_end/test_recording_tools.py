@@ -1,0 +1,211 @@
+"""info, compare, recover and export on real recordings, and on those of killed runs."""
+
+from __future__ import annotations
+
+import csv
+import json
+import random
+import time
+from pathlib import Path
+
+import pytest
+from command_line import CommandLine
+from mcap.reader import make_reader
+from readers import records
+
+PROBE = '''\
+import os
+import lodeflow as lf
+
+class Probe(lf.Node):
+    """Writes the stamp that it has reached into a file, where a kill does not take it away."""
+
+    def start(self) -> None:
+        self.file = os.open("reached", os.O_WRONLY | os.O_CREAT)
+
+    def step(self, attitude: lf.Attitude) -> None:
+        os.pwrite(self.file, b"%20d" % attitude.t, 0)
+'''
+OVERLAY = 'nodes:\n  probe: {use: "probe:Probe", inputs: {attitude: fuser}}\n'
+SECOND = 1_000_000_000
+
+
+def make(lodeflow: CommandLine, graphs: Path, name: str, *options: object) -> str:
+    lodeflow("run", graphs / "heading.yaml", "--arg", "duration=5", "--record", name, *options)
+    return name
+
+
+@pytest.mark.parametrize("moment", range(6))
+def test_a_killed_run_loses_at_most_its_last_second(
+    lodeflow: CommandLine, graphs: Path, moment: int
+) -> None:
+    lodeflow.write("probe.py", PROBE)
+    overlay = lodeflow.write("probe.yaml", OVERLAY)
+    process = lodeflow.start(
+        "run", graphs / "heading.yaml", "--with", overlay, "--realtime",
+        "--arg", "duration=1000", "--record", "run.mcap",
+    )  # fmt: skip
+    file = lodeflow.folder / "run.mcap"
+    for _ in range(3000):
+        if file.exists() and file.stat().st_size > 100:
+            break
+        time.sleep(0.01)
+    # The first moments fall into the start of the run, where nothing may be whole yet.
+    time.sleep(random.Random(moment).uniform(0, 0.6) + 0.5 * moment)
+    process.kill()
+    process.communicate(timeout=30)
+    before = file.read_bytes()
+    said = json.loads(lodeflow("recover", "run.mcap", "--json").stdout)
+    assert said["out"] == "run.recovered.mcap"
+    assert file.read_bytes() == before
+    kept = records(lodeflow.folder / "run.recovered.mcap")
+    assert {topic: len(kept.get(topic, [])) for topic in said["kept"]} == said["kept"]
+    assert (said["known_lost"], said["damage"]) == ({}, [])
+    assert said["lost_bytes_at_end"] < len(before)
+    reached = lodeflow.folder / "reached"
+    stamp = int(reached.read_text()) if reached.exists() and reached.read_text() else 0
+    for topic in ("/vehicle/imu", "/fuser", "/heading"):
+        stamps = [t for t, _ in kept.get(topic, [])]
+        assert stamps == [number * SECOND // 100 for number in range(len(stamps))]
+        assert len(stamps) / 100 >= stamp / SECOND - 1
+    if moment == 5:
+        assert stamp > SECOND
+        found = json.loads(lodeflow("info", "run.recovered.mcap", "--json").stdout)
+        assert found["streams"]["/fuser"]["count"] == said["kept"]["/fuser"] > 100
+        assert found["provenance"]["args"]["duration"] == 1000
+        assert "probe:Probe" in lodeflow("info", "run.recovered.mcap", "--graph").stdout
+        assert "is whole" in lodeflow("recover", "run.recovered.mcap").stdout
+
+
+def test_a_file_without_its_end(lodeflow: CommandLine, graphs: Path) -> None:
+    path = lodeflow.folder / make(lodeflow, graphs, "a.mcap")
+    path.write_bytes(path.read_bytes()[:-100])
+    for arguments in (["info"], ["export", "--to", "csv", "out"], ["compare", "a.mcap"]):
+        done = lodeflow(arguments[0], "a.mcap", *arguments[1:], code=1)
+        assert "a.mcap: was not closed" in done.stderr
+        assert done.stderr.endswith("mend it with: lodeflow recover a.mcap\n")
+    done = lodeflow("recover", "a.mcap")
+    assert "mended to a.recovered.mcap" in done.stdout
+    make(lodeflow, graphs, "b.mcap")
+    lodeflow("compare", "a.recovered.mcap", "b.mcap")
+
+
+def test_info(lodeflow: CommandLine, graphs: Path) -> None:
+    make(lodeflow, graphs, "a.mcap")
+    text = lodeflow("info", "a.mcap").stdout
+    (row,) = [line.split() for line in text.splitlines() if line.startswith("vehicle.raw_mag ")]
+    assert row == ["vehicle.raw_mag", "RawField", "500", "0.000000", "4.990000", "100", "Hz"]
+    assert "losses: none" in text
+    assert "attached graph: yes" in text
+    plain = json.loads(lodeflow("info", "a.mcap", "--json").stdout)
+    assert plain["provenance"]["graph"] == "heading"
+    assert plain["streams"]["/fuser"]["rate"] == pytest.approx(100)
+    graph = lodeflow.write("again.yaml", lodeflow("info", "a.mcap", "--graph").stdout)
+    lodeflow("run", graph, "--record", "b.mcap")
+    lodeflow("compare", "a.mcap", "b.mcap")
+
+
+def test_compare(lodeflow: CommandLine, graphs: Path) -> None:
+    make(lodeflow, graphs, "a.mcap")
+    make(lodeflow, graphs, "same.mcap")
+    make(lodeflow, graphs, "near.mcap", "--set", "fuser.measurement_variance=0.0010000000001")
+    make(lodeflow, graphs, "short.mcap", "--duration", 4)
+    done = lodeflow("compare", "a.mcap", "same.mcap")
+    assert done.stdout.endswith("\nthe same\n")
+    done = lodeflow("compare", "a.mcap", "near.mcap", code=1)
+    assert "vehicle.imu" in done.stdout
+    assert "fuser: first difference: message " in done.stdout
+    assert "largest difference of quaternion: " in done.stdout
+    plain = json.loads(lodeflow("compare", "a.mcap", "near.mcap", "--json", code=1).stdout)
+    same = {topic for topic, stream in plain["streams"].items() if stream["same"]}
+    assert {"/vehicle/imu", "/compass/attitude"} < same
+    assert not {"/fuser", "/heading"} & same
+    assert 0 < plain["streams"]["/fuser"]["largest_difference"]["quaternion"]["value"] < 1e-6
+    done = lodeflow("compare", "a.mcap", "near.mcap", "--tolerance", "1e-6")
+    assert done.stdout.endswith("\nthe same within the tolerance\n")
+    lodeflow("compare", "a.mcap", "near.mcap", "--tolerance", "fuser.quaternion=1e-6", code=1)
+    done = lodeflow("compare", "a.mcap", "short.mcap", code=1)
+    assert "heading: 100 only in A" in done.stdout
+    for wrong in ("x", "fuser.quaternio=1", "heading.heading=1 m"):
+        done = lodeflow("compare", "a.mcap", "same.mcap", "--tolerance", wrong, code=2)
+        assert "Error: " in done.stderr
+    lodeflow("compare", "a.mcap", "nothing.mcap", code=1)
+
+
+PACKAGE = """\
+import lodeflow as lf
+
+@lf.hookimpl
+def lodeflow_messages():
+    return ["pressure_messages"]
+"""
+MESSAGES = '''\
+from collections.abc import Iterator
+import lodeflow as lf
+
+class Pressure(lf.Message, ros="pressure_msgs/msg/Pressure"):
+    """Air pressure."""
+    pressure: lf.Scalar[lf.Dimensionless]
+
+class Barometer(lf.Source):
+    class Params(lf.Params):
+        step: float = 0.5
+    def read(self, clock: lf.Clock) -> Iterator[Pressure]:
+        for n in range(20):
+            yield Pressure(n * 1000, 100.0 + n * self.params.step)
+'''
+
+
+def test_types_of_an_installed_package_are_compared_by_field(lodeflow: CommandLine) -> None:
+    lodeflow.write("pressure_messages.py", MESSAGES)
+    graph = lodeflow.write(
+        "graph.yaml", 'lodeflow: 1\nname: p\nnodes:\n  p: {use: "pressure_messages:Barometer"}\n'
+    )
+    lodeflow("run", graph, "--record", "a.mcap")
+    lodeflow("run", graph, "--record", "b.mcap", "--set", "p.step=0.75")
+    done = lodeflow("compare", "a.mcap", "b.mcap", code=1)
+    assert "p: first difference: message 1, t=1000 ns: byte " in done.stdout
+    assert "left out p: " in lodeflow("export", "a.mcap", "--to", "csv", "out").stderr
+    lodeflow.write("pressure.py", PACKAGE)
+    info = lodeflow.folder / "pressure-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: pressure\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[lodeflow]\npressure = pressure\n")
+    done = lodeflow("compare", "a.mcap", "b.mcap", code=1)
+    assert "message 1, t=1000 ns: pressure is 100.5 in A, 100.75 in B" in done.stdout
+    assert "p.csv" in lodeflow("export", "a.mcap", "--to", "csv", "out").stdout
+    lodeflow.write("pressure_messages.py", "1 / 0\n")
+    done = lodeflow("compare", "a.mcap", "a.mcap")
+    assert "message types of pressure are not known: ZeroDivisionError" in done.stderr
+
+
+def test_recover_of_a_damaged_file(lodeflow: CommandLine, graphs: Path) -> None:
+    path = lodeflow.folder / make(lodeflow, graphs, "a.mcap", "--arg", "duration=60")
+    assert "a.mcap is whole; nothing was written" in lodeflow("recover", "a.mcap").stdout
+    with path.open("rb") as file:
+        chunk = make_reader(file).get_summary().chunk_indexes[1]
+    data = bytearray(path.read_bytes())
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
+    (lodeflow.folder / "b.mcap").write_bytes(data)
+    done = lodeflow("recover", "b.mcap", "c.mcap")
+    assert "bytes lost: a chunk that" in done.stdout
+    assert "data up to t=" in done.stdout
+    lodeflow("compare", "a.mcap", "c.mcap", code=1)
+    assert "exists" in lodeflow("recover", "b.mcap", "c.mcap", code=1).stderr
+    lodeflow.write("d.mcap", "no recording")
+    assert "d.mcap: is no MCAP file" in lodeflow("recover", "d.mcap", code=1).stderr
+
+
+def test_export(lodeflow: CommandLine, graphs: Path) -> None:
+    make(lodeflow, graphs, "a.mcap")
+    done = lodeflow("export", "a.mcap", "--to", "csv", "tables")
+    assert str(Path("tables", "compass.euler.csv")) in done.stdout.splitlines()
+    with (lodeflow.folder / "tables" / "heading.csv").open() as file:
+        header, *rows = csv.reader(file)
+    assert header == ["t_ns", "heading [rad]"]
+    assert [int(row[0]) for row in rows] == [10_000_000 * number for number in range(500)]
+    lodeflow("export", "a.mcap", "--to", "parquet", "one.parquet", "vehicle.imu")
+    assert (lodeflow.folder / "one.parquet").read_bytes()[:4] == b"PAR1"
+    done = lodeflow("export", "a.mcap", "--to", "csv", "tables", "vehicle.imx", code=1)
+    assert "did you mean 'vehicle.imu'" in done.stderr
+    lodeflow("export", "a.mcap", "--to", "xlsx", "tables", code=2)
