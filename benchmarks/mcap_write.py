@@ -39,8 +39,8 @@ from rosbags.typesys import Stores, get_typestore
 
 import lodeflow as lf
 from lodeflow.messages.cdr import layout_of
-from lodeflow.recording.mcap_chunk import Chunk
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.chunk import Chunk
+from lodeflow.recording.mcap.writer import McapWriter
 
 TOPIC, TYPE = "/imu", "sensor_msgs/msg/Imu"
 TYPES = get_typestore(Stores.ROS2_HUMBLE)

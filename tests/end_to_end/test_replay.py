@@ -22,7 +22,7 @@ from mcap.reader import make_reader
 from readers import records
 
 from lodeflow.cli import main
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 FEW = "record: {to: few.mcap, streams: [heading, score]}\n"

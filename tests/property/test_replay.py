@@ -20,7 +20,7 @@ from mcap.reader import make_reader
 
 from lodeflow.graph import Graph, Record, Wire
 from lodeflow.recording import recorder
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.replay import replaying

@@ -18,10 +18,10 @@ from lodeflow.messages import vocabulary as bundled  # noqa: F401 (declares the 
 from lodeflow.messages.message import Message, by_ros_name
 from lodeflow.recording.columns import LOG_TOPIC, stream_of, topic_of
 from lodeflow.recording.comparison import Comparison, StreamComparison
-from lodeflow.recording.mcap_file import McapFile
-from lodeflow.recording.mcap_raw import parts, topics
-from lodeflow.recording.mcap_stream import same_members
+from lodeflow.recording.mcap.file import McapFile
+from lodeflow.recording.mcap.raw import parts, topics
 from lodeflow.recording.pairing import NotIncreasingError, Pairing
+from lodeflow.recording.stream import same_members
 
 HELD = 1 << 24
 """Bytes that may wait for their partners before a stream is put off to a pass of its own."""

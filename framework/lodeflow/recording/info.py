@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lodeflow.recording.mcap_file import McapFile
-from lodeflow.recording.mcap_raw import parts, topics
+from lodeflow.recording.mcap.file import McapFile
+from lodeflow.recording.mcap.raw import parts, topics
 
 GAP = 3.0
 """A step longer than this many median steps is a gap; told to a thousandth."""

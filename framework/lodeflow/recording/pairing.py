@@ -13,8 +13,8 @@ from lodeflow.messages.cdr import StreamConstants, layout_of, read_constants
 from lodeflow.messages.message import Message
 from lodeflow.recording.columns import components
 from lodeflow.recording.comparison import Difference, Largest, StreamComparison
-from lodeflow.recording.mcap_raw import Rows
-from lodeflow.recording.mcap_stream import TEXT_AT, StreamDecoder
+from lodeflow.recording.mcap.raw import Rows
+from lodeflow.recording.stream import TEXT_AT, StreamDecoder
 from lodeflow.sync import NEVER
 
 

@@ -12,9 +12,9 @@ from mcap import records as mcap
 
 from lodeflow.errors import MessageError, did_you_mean
 from lodeflow.messages.message import Message
-from lodeflow.recording.mcap_file import McapFile, where
-from lodeflow.recording.mcap_raw import indexed, topics
-from lodeflow.recording.mcap_stream import StreamDecoder, same_members
+from lodeflow.recording.mcap.file import McapFile, where
+from lodeflow.recording.mcap.raw import indexed, topics
+from lodeflow.recording.stream import StreamDecoder, same_members
 
 M = TypeVar("M", bound=Message)
 

@@ -23,7 +23,7 @@ from lodeflow.messages.cdr import HEADER, Layout, layout_of
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
 from lodeflow.recording.columns import LOG_TOPIC
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.runtime.plan import Plan
 
 PERIOD = 0.1

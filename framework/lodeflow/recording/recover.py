@@ -19,12 +19,12 @@ from mcap.exceptions import McapError
 from numpy.typing import NDArray
 
 from lodeflow.errors import RecordingError
-from lodeflow.recording.mcap_file import McapFile
-from lodeflow.recording.mcap_records import INDEX_LAYOUT, MAGIC, Op
-from lodeflow.recording.mcap_rewriter import McapRewriter
-from lodeflow.recording.mcap_scan import Item, Scan
-from lodeflow.recording.mcap_unpack import UnpackError, unpack
-from lodeflow.recording.mcap_walk import equal, filtered, tiles, walked
+from lodeflow.recording.mcap.file import McapFile
+from lodeflow.recording.mcap.records import INDEX_LAYOUT, MAGIC, Op
+from lodeflow.recording.mcap.rewriter import McapRewriter
+from lodeflow.recording.mcap.scan import Item, Scan
+from lodeflow.recording.mcap.unpack import UnpackError, unpack
+from lodeflow.recording.mcap.walk import equal, filtered, tiles, walked
 from lodeflow.recording.recovery import Damage, Recovery
 
 R = TypeVar("R")

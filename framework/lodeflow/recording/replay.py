@@ -14,8 +14,8 @@ from lodeflow.graph import Edge, Graph, GraphNode, Record, Wire, edges, load_gra
 from lodeflow.messages.message import Message
 from lodeflow.node import Source
 from lodeflow.params import Params
-from lodeflow.recording.mcap_file import McapFile
-from lodeflow.recording.mcap_raw import topics
+from lodeflow.recording.mcap.file import McapFile
+from lodeflow.recording.mcap.raw import topics
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.source import aligned

@@ -10,8 +10,8 @@ from mcap.writer import Writer
 from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import Heading, Imu
-from lodeflow.recording.mcap_records import MAGIC, PREFIX
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.records import MAGIC, PREFIX
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recover import recover
 

@@ -9,7 +9,7 @@ from lodeflow.messages.cdr import StreamConstants, layout_of
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import Heading, Imu
 from lodeflow.recording.compare import compare
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 
 IMU = random_block(Imu, range(0, 4000, 10))
 

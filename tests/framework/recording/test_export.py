@@ -13,7 +13,7 @@ from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import AttitudeTruth
 from lodeflow.recording.export import export
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 
 IMU_HEADERS = [

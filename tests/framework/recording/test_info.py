@@ -14,7 +14,7 @@ from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import Heading
 from lodeflow.recording.info import StreamInfo, _Steps, info
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.recover import recover
 
 

@@ -15,8 +15,8 @@ from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from lodeflow.recording.mcap_records import MAGIC, Op
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.records import MAGIC, Op
+from lodeflow.recording.mcap.writer import McapWriter
 
 COMPRESSIONS = ["zstd", "lz4", ""]
 MESSAGE_HEAD = 31

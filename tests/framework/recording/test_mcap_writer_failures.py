@@ -17,9 +17,10 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from lodeflow.errors import RecordingError
-from lodeflow.recording import mcap_chunk, mcap_writer
-from lodeflow.recording.mcap_records import MAGIC, Op
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap import chunk as chunk_module
+from lodeflow.recording.mcap import writer as writer_module
+from lodeflow.recording.mcap.records import MAGIC, Op
+from lodeflow.recording.mcap.writer import McapWriter
 
 STEP = 36  # bytes of a message of `numbered`
 
@@ -116,7 +117,7 @@ def test_what_was_flushed_is_on_disk_before_close(path):
 
 def test_ctrl_c_at_any_line_leaves_a_readable_file_without_loss(tmp_path):
     """Interrupt at each line of the writer in turn, then close, as a `with` block does."""
-    files = {mcap_writer.__file__, mcap_chunk.__file__}
+    files = {writer_module.__file__, chunk_module.__file__}
 
     def interrupted_at(line):
         count = 0
@@ -165,7 +166,7 @@ DISK_FULL = """
 import json, resource, signal, sys
 import numpy as np
 from lodeflow.errors import RecordingError
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 _, most = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -22,8 +22,8 @@ from lodeflow.messages.vocabulary import (
     MagneticField,
     Mode,
 )
-from lodeflow.recording.mcap_records import INDEX_LAYOUT
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.records import INDEX_LAYOUT
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 
 COMPRESSIONS = ["zstd", "lz4", ""]

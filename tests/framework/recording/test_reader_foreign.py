@@ -15,7 +15,7 @@ from lodeflow.messages.cdr import StreamConstants, layout_of
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import Imu, Mode
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)

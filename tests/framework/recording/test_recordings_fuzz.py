@@ -13,7 +13,7 @@ from recordings import WANTED, columns, foreign, write
 
 from lodeflow.errors import RecordingError
 from lodeflow.recording.compare import compare
-from lodeflow.recording.mcap_records import MAGIC
+from lodeflow.recording.mcap.records import MAGIC
 from lodeflow.recording.recover import recover
 
 SEEDS = {

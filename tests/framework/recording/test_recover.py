@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from recordings import HEADING, IMU, columns, is_good, of_package, records, write
 
 from lodeflow.errors import RecordingError
-from lodeflow.recording.mcap_records import MAGIC, PREFIX, Op
+from lodeflow.recording.mcap.records import MAGIC, PREFIX, Op
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recover import recover
 

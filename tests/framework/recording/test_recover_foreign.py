@@ -6,7 +6,7 @@ from mcap.writer import CompressionType, IndexType
 from recordings import HEADING, IMU, WANTED, columns, foreign, is_good, records
 
 from lodeflow.errors import RecordingError
-from lodeflow.recording.mcap_records import Op
+from lodeflow.recording.mcap.records import Op
 from lodeflow.recording.recover import recover
 
 

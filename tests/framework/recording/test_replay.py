@@ -17,7 +17,7 @@ from lodeflow.graph import Gate, Graph, GraphNode, Record, Wire, load_graph
 from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.replay import is_complete, last_stamps, replaying

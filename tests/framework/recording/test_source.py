@@ -16,7 +16,7 @@ from lodeflow.graph.model import Graph, GraphNode, Wire
 from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import AttitudeTruth
-from lodeflow.recording.mcap_writer import McapWriter
+from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.source import RecordedSensors, aligned
 from lodeflow.runtime.engine import Engine

@@ -9,8 +9,8 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from lodeflow.recording.mcap_raw import numbers_at
-from lodeflow.recording.mcap_records import MAGIC, PREFIX, Op
+from lodeflow.recording.mcap.raw import numbers_at
+from lodeflow.recording.mcap.records import MAGIC, PREFIX, Op
 
 _SHAPES: dict[int, tuple[int | str, ...]] = {
     # Bytes of fixed size; "I" and "Q": data led by its length as uint32 or uint64.

@@ -10,8 +10,8 @@ from mcap import records as mcap
 from numpy.typing import NDArray
 
 from lodeflow.errors import MessageError
-from lodeflow.recording.mcap_file import McapFile, where
-from lodeflow.recording.mcap_records import LOG_TIME_AT, PREFIX, Op, message_layout
+from lodeflow.recording.mcap.file import McapFile, where
+from lodeflow.recording.mcap.records import LOG_TIME_AT, PREFIX, Op, message_layout
 
 _LENGTH_AT, _CHANNEL_AT = 1, 9
 _DATA_AT = message_layout(0).itemsize

@@ -19,8 +19,8 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
 from lodeflow.errors import RecordingError, did_you_mean
-from lodeflow.recording.mcap_records import INDEX_LAYOUT, MAGIC, PREFIX, Op
-from lodeflow.recording.mcap_unpack import UnpackError, unpack
+from lodeflow.recording.mcap.records import INDEX_LAYOUT, MAGIC, PREFIX, Op
+from lodeflow.recording.mcap.unpack import UnpackError, unpack
 
 R = TypeVar("R")
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lodeflow.errors import RecordingError
-from lodeflow.recording import mcap_records as encode
-from lodeflow.recording.mcap_chunk import Chunk
-from lodeflow.recording.mcap_records import MAGIC, Op
+from lodeflow.recording.mcap import records as encode
+from lodeflow.recording.mcap.chunk import Chunk
+from lodeflow.recording.mcap.records import MAGIC, Op
 
 LARGEST_CHUNK = 1 << 30  # the writer and each reader hold a chunk in memory
 MOST_CHANNELS = (1 << 16) - 1

@@ -11,8 +11,8 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from lodeflow.recording import mcap_records as encode
-from lodeflow.recording.mcap_records import INDEX_LAYOUT, LOG_TIME_AT, PREFIX, Op, message_layout
+from lodeflow.recording.mcap import records as encode
+from lodeflow.recording.mcap.records import INDEX_LAYOUT, LOG_TIME_AT, PREFIX, Op, message_layout
 
 Run = tuple[int, int, int, int]
 """Messages side by side in a chunk: channel, offset of the first, how many, bytes of each."""

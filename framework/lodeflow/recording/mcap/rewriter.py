@@ -12,8 +12,8 @@ from mcap import records as mcap
 from numpy.typing import NDArray
 
 from lodeflow.errors import RecordingError
-from lodeflow.recording import mcap_records as encode
-from lodeflow.recording.mcap_records import MAGIC, PREFIX, Op
+from lodeflow.recording.mcap import records as encode
+from lodeflow.recording.mcap.records import MAGIC, PREFIX, Op
 
 
 class McapRewriter:

@@ -12,7 +12,7 @@ from lodeflow.errors import MessageError
 from lodeflow.messages.cdr import HEADER, Layout, StreamConstants, layout_of, read_constants
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import PRIMITIVES, definition, full_name, leaves, members
-from lodeflow.recording.mcap_raw import numbers_at, places
+from lodeflow.recording.mcap.raw import numbers_at, places
 from lodeflow.sync import NEVER
 
 TEXT_AT = len(HEADER) + 8  # frame_id in a record, behind the stamp: its length, then its bytes

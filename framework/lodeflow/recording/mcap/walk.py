@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lodeflow.errors import MessageError
-from lodeflow.recording.mcap_raw import numbers_at, places
-from lodeflow.recording.mcap_records import INDEX_LAYOUT, LOG_TIME_AT, PREFIX, Op, message_layout
+from lodeflow.recording.mcap.raw import numbers_at, places
+from lodeflow.recording.mcap.records import INDEX_LAYOUT, LOG_TIME_AT, PREFIX, Op, message_layout
 
 _DATA_AT = message_layout(0).itemsize
 
