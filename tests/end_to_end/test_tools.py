@@ -139,6 +139,10 @@ def test_nodes_lists_and_documents_every_plugin(lodeflow: CommandLine) -> None:
     for expected in ("inputs:", "measured: Attitude", "gyro_noise: float [rad/s]", "Eqs. 18-29"):
         assert expected in done.stdout
     assert "did you mean 'csv'?" in lodeflow("nodes", "cvs", code=2).stderr
+    nested = json.loads(lodeflow("nodes", "simulated_vehicle", "--json").stdout)["params"]["roll"]
+    assert nested["params"]["slope"]["unit"] == "rad/s"
+    assert nested["params"]["sines"]["params"]["frequency"]["unit"] == "Hz"
+    assert isinstance(nested["default"]["sines"][0]["amplitude"], float)
 
 
 def test_explain_schema_and_drawings(lodeflow: CommandLine, graphs: Path) -> None:

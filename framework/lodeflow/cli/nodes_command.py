@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
+from pydantic import BaseModel
 
 from lodeflow.cli.options import JSON
 from lodeflow.cli.output import print_json
@@ -63,16 +65,7 @@ def document(name: str, plugin: type[Node] | type[Source]) -> dict[str, Any]:
         "inputs": {port.name: _port(port.type, optional=port.optional) for port in spec.inputs},
         "sync": describe(spec.sync) if len(spec.inputs) > 1 else None,
         "outputs": {port.name: _port(port.type) for port in spec.outputs},
-        "params": {
-            key: {
-                "type": _type_name(field.annotation),
-                "unit": unit_of(field.metadata).symbol,
-                "default": None if field.is_required() else _plain(field.default),
-                "required": field.is_required(),
-                "doc": inspect.cleandoc(field.description or ""),
-            }
-            for key, field in plugin.Params.model_fields.items()
-        },
+        "params": _params(plugin.Params),
         "example": dict(plugin.example),
         "file": file,
     }
@@ -85,14 +78,41 @@ def _port(kind: type[Message], *, optional: bool = False) -> dict[str, Any]:
     return {"type": kind.__name__, "ros": kind.ros, "fields": fields, "optional": optional}
 
 
+def _params(params: type[BaseModel]) -> dict[str, Any]:
+    return {
+        key: {
+            "type": _type_name(field.annotation),
+            "unit": unit_of(field.metadata).symbol,
+            "default": None if field.is_required() else _plain(field.default),
+            "required": field.is_required(),
+            "doc": inspect.cleandoc(field.description or ""),
+            "params": {k: v for group in _groups(field.annotation) for k, v in group.items()},
+        }
+        for key, field in params.model_fields.items()
+    }
+
+
+def _groups(annotation: Any) -> list[dict[str, Any]]:
+    """Return the parameters of each group of parameters that an annotation names."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [_params(annotation)]
+    return [group for inner in get_args(annotation) for group in _groups(inner)]
+
+
 def _plain(value: Any) -> Any:
+    if isinstance(value, BaseModel):
+        return {key: _plain(item) for key, item in value}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
     return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _type_name(annotation: Any) -> str:
     if "ndarray" in str(annotation):
         return "array"
-    return annotation.__name__ if isinstance(annotation, type) else str(annotation)
+    if isinstance(annotation, type) and not get_args(annotation):
+        return annotation.__name__
+    return re.sub(r"\b(?:\w+\.)+(\w+)", r"\1", str(annotation))
 
 
 def as_text(found: dict[str, Any]) -> str:
@@ -112,13 +132,20 @@ def as_text(found: dict[str, Any]) -> str:
             lines.append(f"  inputs meet by: {found['sync']}")
     if found["params"]:
         lines.append("params:")
-    for name, facts in found["params"].items():
-        value = "required" if facts["required"] else f"default {facts['default']}"
-        unit = f" [{facts['unit']}]" if facts["unit"] else ""
-        lines.append(f"  {name}: {facts['type']}{unit}, {value}")
-        lines += [f"    {line}" for line in facts["doc"].splitlines()]
+    lines += _param_lines(found["params"], "  ")
     if found["example"]:
         lines.append("example:")
         lines += [f"  {key}: {value}" for key, value in found["example"].items()]
     lines += ["", f"file: {found['file']}"]
     return "\n".join(lines)
+
+
+def _param_lines(params: dict[str, Any], indent: str) -> list[str]:
+    lines = []
+    for name, facts in params.items():
+        value = "required" if facts["required"] else f"default {facts['default']}"
+        unit = f" [{facts['unit']}]" if facts["unit"] else ""
+        lines.append(f"{indent}{name}: {facts['type']}{unit}, {value}")
+        lines += [f"{indent}  {line}" for line in facts["doc"].splitlines()]
+        lines += _param_lines(facts["params"], f"{indent}  ")
+    return lines
