@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ class CommandLine:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.started: list[subprocess.Popen[str]] = []
         self.environment = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
 
     def __call__(self, *arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
@@ -33,15 +35,26 @@ class CommandLine:
         return done
 
     def start(self, *arguments: object) -> subprocess.Popen[str]:
-        """Start, and leave it running."""
-        return subprocess.Popen(
+        """Start, and leave it running; it is killed at the end of the test if it still does."""
+        process = subprocess.Popen(
             [*COMMAND, *map(str, arguments)],
             cwd=self.folder,
             env=self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            # Where the tests run in the background, SIGINT is ignored, and would be in there too.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
+        self.started.append(process)
+        return process
+
+    def end(self) -> None:
+        """Kill what still runs."""
+        for process in self.started:
+            if process.poll() is None:
+                process.kill()
+                process.communicate()
 
     def write(self, name: str, text: str) -> Path:
         """Write a file into the folder."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,10 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def lodeflow(tmp_path: Path) -> CommandLine:
-    return CommandLine(tmp_path)
+def lodeflow(tmp_path: Path) -> Iterator[CommandLine]:
+    command_line = CommandLine(tmp_path)
+    yield command_line
+    command_line.end()
 
 
 @pytest.fixture
