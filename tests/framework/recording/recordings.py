@@ -27,6 +27,19 @@ def random_block(kind, t, seed=0):
     return kind(np.asarray(t, dtype=np.int64), *columns)
 
 
+def read(path, wanted, **span):
+    """Return {topic: block}, and check that the blocks of each chunk are proper ones."""
+    found = {topic: [] for topic in wanted}
+    with Recording(path) as recording:
+        for blocks in recording.blocks(wanted, **span):
+            assert blocks
+            for topic, block in blocks.items():
+                block.validate()
+                assert len(block)
+                found[topic].append(block)
+    return {topic: wanted[topic].concat(blocks) for topic, blocks in found.items()}
+
+
 def record(path, blocks, *, cuts=None, provenance=None, **options):
     """Write {topic: block}; `cuts`, a seed, decides in which order and in what parts."""
     random = Random(cuts)

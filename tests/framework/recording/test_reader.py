@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from recordings import random_block, read
 from rosbags.highlevel import AnyReader
 
 from lodeflow.errors import RecordingError
@@ -30,17 +31,6 @@ COMPRESSIONS = ["zstd", "lz4", ""]
 KINDS = [Imu, MagneticField, AttitudeTruth, Mode, Heading]
 
 
-def random_block(kind, t, seed=0):
-    random = np.random.default_rng(seed)
-    columns = [
-        random.integers(0, 3, (len(t), *field.shape))
-        if field.integer
-        else random.standard_normal((len(t), *field.shape))
-        for field in kind.fields
-    ]
-    return kind(np.asarray(t, dtype=np.int64), *columns)
-
-
 def put(writer, blocks, channels=None):
     """Write blocks by topic; return the channels."""
     channels = {} if channels is None else channels
@@ -50,19 +40,6 @@ def put(writer, blocks, channels=None):
             channels[topic] = writer.channel(topic, kind.ros, schema_text(kind))
         writer.write(channels[topic], block.t, layout_of(kind).encode_block(block))
     return channels
-
-
-def read(path, wanted, **span):
-    """Return {topic: block}, and check that the blocks of each chunk are proper ones."""
-    found = {topic: [] for topic in wanted}
-    with Recording(path) as recording:
-        for blocks in recording.blocks(wanted, **span):
-            assert blocks
-            for topic, block in blocks.items():
-                block.validate()
-                assert len(block)
-                found[topic].append(block)
-    return {topic: wanted[topic].concat(blocks) for topic, blocks in found.items()}
 
 
 def of_package(path, topics=None, **span):

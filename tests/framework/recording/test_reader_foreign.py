@@ -5,6 +5,7 @@ import logging
 import numpy as np
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
+from recordings import random_block, read
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagWriter
 from rosbags.typesys import Stores, get_typestore
@@ -16,33 +17,8 @@ from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import Imu, Mode
 from lodeflow.recording.mcap.writer import McapWriter
-from lodeflow.recording.reader import Recording
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
-
-
-def random_block(kind, t, seed=0):
-    random = np.random.default_rng(seed)
-    columns = [
-        random.integers(0, 3, (len(t), *field.shape))
-        if field.integer
-        else random.standard_normal((len(t), *field.shape))
-        for field in kind.fields
-    ]
-    return kind(np.asarray(t, dtype=np.int64), *columns)
-
-
-def read(path, wanted, **span):
-    """Return {topic: block}, and check that the blocks of each chunk are proper ones."""
-    found = {topic: [] for topic in wanted}
-    with Recording(path) as recording:
-        for blocks in recording.blocks(wanted, **span):
-            assert blocks
-            for topic, block in blocks.items():
-                block.validate()
-                assert len(block)
-                found[topic].append(block)
-    return {topic: wanted[topic].concat(blocks) for topic, blocks in found.items()}
 
 
 class Foreign:
