@@ -121,7 +121,7 @@ def parse(text: str, origin: Origin, problems: Problems) -> Tree | None:
         problems.add(stop.place, "", stop.text)
     except yaml.MarkedYAMLError as error:
         place, what = _syntax(error, text, origin)
-        problems.add(place, "", f"not YAML: {what}")
+        problems.add(place, "", what if what.startswith("nested") else f"not YAML: {what}")
     return None
 
 
@@ -299,6 +299,8 @@ def _syntax(error: yaml.MarkedYAMLError, text: str, origin: Origin) -> tuple[Pla
         return place, f"a text that begins with {rest[:1]} needs quotes"
     if "unexpected end of stream" in problem:
         return place, f"the quotes opened at {since} are not closed"
+    if "nesting depth" in problem:  # the parser's own limit, which lies above ours
+        return place, f"nested more than {DEPTH} levels deep"
     if "expected ':'" in problem:
         return place, "a key needs ': ' and a value"
     if "node content" in problem:
