@@ -36,6 +36,7 @@ ONLY = {
     "yaml": {"graph"},
     "click": {"cli"},
     "rich": {"cli"},
+    "matplotlib": {"study"},
     "numba": set(),
     "scipy": set(),
 }

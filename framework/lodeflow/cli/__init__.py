@@ -15,6 +15,7 @@ COMMANDS: dict[str, str] = {
     "run": "Run a graph and record it.",
     "replay": "Run the graph of a recording again, from its recorded streams.",
     "info": "Say what is in a recording.",
+    "study": "Run a graph over a grid of changes, into tables and figures.",
     "compare": "Compare two recordings: are they the same, and where not?",
     "recover": "Mend a recording that was killed or damaged, into a new file.",
     "export": "Write streams of a recording into tables: CSV or Parquet.",
