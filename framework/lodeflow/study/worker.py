@@ -6,6 +6,7 @@ import logging
 import os
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
@@ -68,14 +69,12 @@ def serve(pipe: Connection) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     logs = _Logs()
     logging.getLogger("lodeflow").addHandler(logs)
-    while True:
-        try:
+    with suppress(EOFError, OSError):  # nobody is there any more
+        while True:
             job = pipe.recv()
-        except EOFError:
-            return
-        logs.kept.clear()
-        numbers, error = perform(job, lambda: pipe.send(STARTED))
-        pipe.send(Outcome(numbers, error, tuple(logs.kept)))
+            logs.kept.clear()
+            numbers, error = perform(job, lambda: pipe.send(STARTED))
+            pipe.send(Outcome(numbers, error, tuple(logs.kept)))
 
 
 def perform(
