@@ -53,13 +53,16 @@ def versions(tops: Iterable[str]) -> dict[str, str]:
     """
     by_module = _distributions()
     names = {*LIBRARIES, *(name for top in tops for name in by_module.get(top, ()))}
-    found = {}
-    for name in sorted(names):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
+    return {name: found for name in sorted(names) if (found := _version(name))}
+
+
+@cache
+def _version(name: str) -> str:
+    """Return the version of a package; "" if it is not installed."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 @cache
