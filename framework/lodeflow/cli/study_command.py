@@ -17,7 +17,7 @@ from lodeflow.cli.output import RESULT, STATUS, print_json, table
 from lodeflow.clock import monotonic, wall_time
 from lodeflow.study.figures import draw, matplotlib
 from lodeflow.study.load import load_study
-from lodeflow.study.model import Cell, Study
+from lodeflow.study.model import Cell
 from lodeflow.study.runner import run_cells
 from lodeflow.study.store import Results, finished, write
 from lodeflow.study.table import Filled, fill
@@ -66,7 +66,16 @@ def command(
             {cell.key: known[cell.key] for cell in loaded.cells if cell.key in known}
         )
         todo = list({c.key: c for c in loaded.cells if c.key not in results.outcomes}.values())
-        _run(loaded, todo, results, jobs or _processors(), keep)
+        try:
+            _run(loaded.name, todo, results, jobs or _processors(), keep)
+        except KeyboardInterrupt:
+            left = sum(cell.key not in results.outcomes for cell in loaded.cells)
+            STATUS.print(
+                f"stopped; {len(loaded.cells) - left} of {len(loaded.cells)} cells are done, "
+                "the same command goes on with the others",
+                soft_wrap=True,
+            )
+            return 130
         tables = [fill(table, results) for table in loaded.tables]
         files = write(results, folder, sys.argv[1:], begun.isoformat())
         if tables:
@@ -93,12 +102,12 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _run(study: Study, todo: list[Cell], results: Results, jobs: int, keep: Any) -> None:
+def _run(name: str, todo: list[Cell], results: Results, jobs: int, keep: Any) -> None:
     """Run what is not finished, with a bar on a terminal."""
     if not todo:
         return
     bar = Progress(
-        TextColumn(study.name),
+        TextColumn(name),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
@@ -120,15 +129,7 @@ def _run(study: Study, todo: list[Cell], results: Results, jobs: int, keep: Any)
                 keep(cell, outcome)
             bar.update(task, advance=1, failed=f"{failed} failed" if failed else "")
 
-        try:
-            run_cells(todo, jobs, done)
-        except KeyboardInterrupt:
-            left = len(todo) - sum(cell.key in results.outcomes for cell in todo)
-            STATUS.print(
-                f"stopped; {len(study.cells) - left} of {len(study.cells)} cells are finished, "
-                "the same command goes on with the others"
-            )
-            raise
+        run_cells(todo, jobs, done)
 
 
 def _show(results: Results, tables: list[Filled], folder: Path, counts: dict[str, Any]) -> None:

@@ -79,10 +79,18 @@ def load_study(path: str | Path, environment: Mapping[str, str] = os.environ) ->
         figures = tuple(found.figures(tree.find("figures")))
     wrong += views.error().problems
     if wrong:
-        raise GraphError(list(dict.fromkeys(wrong)))
+        raise GraphError(_once(wrong))
     return Study(
         path, name, grid.files(path), axes, tuple(cells), columns, tables, figures, tuple(notes)
     )
+
+
+def _once(problems: Sequence[str]) -> list[str]:
+    """Return what many cells say of one value once."""
+    by_place: dict[str, str] = {}
+    for problem in problems:
+        by_place.setdefault(": ".join(problem.split(": ", 2)[:2]), problem)
+    return list(by_place.values())
 
 
 class _Grid:

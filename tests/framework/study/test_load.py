@@ -6,6 +6,7 @@ from studies import load
 from lodeflow.errors import GraphError
 from lodeflow.graph import load_graph_text
 from lodeflow.study.load import load_study
+from lodeflow.study.runner import job_of
 
 
 def params(cell, node):
@@ -95,8 +96,6 @@ def test_a_case_may_have_a_graph_of_its_own(folder):
 
 
 def test_a_graph_in_a_worker_is_the_graph_that_was_checked(folder):
-    from lodeflow.study.runner import job_of
-
     (cell,) = load("args: {seed: 5}\nset: {level.gain: 1e-7 rad/s}").cells
     again = load_graph_text(job_of(cell).graph)
     assert again == cell.graph
