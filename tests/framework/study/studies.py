@@ -6,9 +6,9 @@ from pathlib import Path
 
 from lodeflow.study.load import load_study
 from lodeflow.study.model import Study
+from lodeflow.study.runner import job_of
 from lodeflow.study.store import Results
 from lodeflow.study.worker import Outcome, perform
-from lodeflow.study.runner import job_of
 
 HEAD = "lodeflow_study: 1\nname: toys\ngraph: toy.yaml\n"
 

@@ -57,7 +57,8 @@ def test_a_study_without_axes_is_one_cell(folder):
         ("{swap: level, values: ['study_toys:Level', 'study_toys:Steep']}",
          ["study_toys:Level", "study_toys:Steep"]),
         ("{set: noise.file, files: 'walks/*.csv'}", ["walk-1", "walk-2"]),
-        ("{set: noise.file, files: [walks/walk-2.csv, walks/walk-1.csv], label: '\\d'}", ["2", "1"]),
+        ("{set: noise.file, files: [walks/walk-2.csv, walks/walk-1.csv], label: '\\d'}",
+         ["2", "1"]),
         ("{set: noise.file, files: 'walks/*.csv', label: 'w(al)k-(.)'}", None),
     ],
 )  # fmt: skip

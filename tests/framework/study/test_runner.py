@@ -88,10 +88,10 @@ def test_finished_cells_are_kept_and_a_line_cut_off_is_not(folder):
 
 
 def test_two_studies_do_not_write_into_one_folder(folder):
-    with finished(folder / "out", fresh=False):
-        with pytest.raises(RunError, match="another 'lodeflow study' is writing here"):
-            with finished(folder / "out", fresh=False):
-                pass
+    told = "another 'lodeflow study' is writing here"
+    with finished(folder / "out", fresh=False), pytest.raises(RunError, match=told):  # noqa: SIM117
+        with finished(folder / "out", fresh=False):
+            pass
 
 
 def test_the_table_of_cells(folder):

@@ -10,7 +10,8 @@ from lodeflow.study.worker import Outcome
 
 AXES = """\
 axes:
-  method: {cases: {flat: {}, twice: {set: {level.gain: 2}}, steep: {swap: {level: 'study_toys:Steep'}}}}
+  method:
+    cases: {flat: {}, twice: {set: {level.gain: 2}}, steep: {swap: {level: 'study_toys:Steep'}}}
   count: {arg: count, values: [4, 9]}
   seed: {arg: seed, from: 0, to: 2}
 """

@@ -36,11 +36,17 @@ class _Ahrs(Peer):
         else:
             dt = (imu.t - self.last) * 1e-9
             rate, force = imu.angular_velocity, imu.linear_acceleration
-            if field is None:
-                updated = self.filter.updateIMU(self.quaternion, rate, force, dt=dt)
-            else:
-                updated = self.filter.updateMARG(self.quaternion, rate, force, field * 1e9, dt=dt)
-            self.quaternion = np.array(updated, np.float64)
+            with np.errstate(invalid="ignore"):
+                if field is None:
+                    updated = self.filter.updateIMU(self.quaternion, rate, force, dt=dt)
+                else:
+                    updated = self.filter.updateMARG(
+                        self.quaternion, rate, force, field * 1e9, dt=dt
+                    )
+            updated = np.array(updated, np.float64)
+            # Without noise the gradient can be exactly zero, and the package divides by its norm.
+            if np.isfinite(updated).all():
+                self.quaternion = updated
         self.last = imu.t
         return scalar_last(self.enu(self.quaternion))
 
