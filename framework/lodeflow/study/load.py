@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,8 @@ from lodeflow.messages.vocabulary import Score
 from lodeflow.recording.columns import components
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.replay import replaying, without_effect
-from lodeflow.study.changes import CHANGES, MOST_POINTS, Reader, expand
+from lodeflow.study.axes import MOST_POINTS, Axes
+from lodeflow.study.changes import CHANGES, Changes, expand
 from lodeflow.study.key import key_of
 from lodeflow.study.model import Axis, Cell, Change, Column, Point, Study
 from lodeflow.study.views import Views
@@ -49,9 +51,9 @@ def load_study(path: str | Path, environment: Mapping[str, str] = os.environ) ->
         raise problems.error()
     tree = expand(tree, environment, problems)
     name = title(tree, KEYS, problems)
-    reader = Reader(path.parent, problems)
-    base = reader.change(tree, "")
-    axes = reader.axes(tree.find("axes"))
+    changes = Changes(path.parent, problems)
+    base = changes.change(tree, "")
+    axes = Axes(changes).read(tree.find("axes"))
     if tree.find("graph") is None:
         missing(tree, "graph", "the graph file that the cells run", KEYS, problems)
         raise problems.error()
@@ -60,29 +62,29 @@ def load_study(path: str | Path, environment: Mapping[str, str] = os.environ) ->
     if grid.size > MOST_POINTS:
         wrong.append(f"{path}: axes: {grid.size} cells; a study has at most {MOST_POINTS}")
         raise GraphError(wrong)
-    clashes = Problems()
-    grid.check(clashes)
-    wrong += clashes.error().problems
-    cells: list[Cell] = []
-    notes: dict[str, None] = {}
-    for point, change in grid.cells() if base.graph or not wrong else ():
-        try:
-            cells.append(_cell(point, change))
-            notes.update(dict.fromkeys(cells[-1].graph.notes))
-        except GraphError as error:
-            wrong += error.problems
+    wrong += grid.clashes()
+    cells = _cells(grid, wrong) if base.graph else []
+    columns: dict[str, Column] = {}
     views = Problems()
     if cells:
         cells, columns = _collected(cells, tree.find("scores"), views)
-        found = Views(axes, columns, views)
-        tables = tuple(found.tables(tree.find("tables")))
-        figures = tuple(found.figures(tree.find("figures")))
+    found = Views(axes, columns, views)
+    tables = tuple(found.tables(tree.find("tables"))) if cells else ()
+    figures = tuple(found.figures(tree.find("figures"))) if cells else ()
     wrong += views.error().problems
     if wrong:
         raise GraphError(_once(wrong))
-    return Study(
-        path, name, grid.files(path), axes, tuple(cells), columns, tables, figures, tuple(notes)
-    )
+    notes = tuple(dict.fromkeys(note for cell in cells for note in cell.graph.notes))
+    files = grid.files(path)
+    return Study(path, name, files, axes, tuple(cells), columns, tables, figures, notes)
+
+
+def is_study(path: Path) -> bool:
+    """Whether a file begins like a study, and not like a graph."""
+    try:
+        return re.search(rb"^lodeflow_study\b", path.read_bytes(), re.MULTILINE) is not None
+    except OSError:
+        return False
 
 
 def _once(problems: Sequence[str]) -> list[str]:
@@ -121,8 +123,9 @@ class _Grid:
         named = [file for c in changes for file in ((c.graph,) if c.graph else ()) + c.overlays]
         return tuple(dict.fromkeys([path, *named]))
 
-    def check(self, problems: Problems) -> None:
-        """Refuse two axes that change the same thing: one of them would have no effect."""
+    def clashes(self) -> Sequence[str]:
+        """Return where two axes change the same thing: one of them would have no effect."""
+        problems = Problems()
         owners: dict[tuple[str, str], str] = {}
         for axis in self.axes.values():
             for point in axis.points:
@@ -131,6 +134,18 @@ class _Grid:
                     if owner != axis.name:
                         what = f"the axis '{owner}' gives a value to '{option.target}' as well"
                         problems.add(option.place, join("axes", axis.name), what)
+        return problems.error().problems
+
+
+def _cells(grid: _Grid, wrong: list[str]) -> list[Cell]:
+    """Return the cells that check, and add what is wrong with the others."""
+    found = []
+    for point, change in grid.cells():
+        try:
+            found.append(_cell(point, change))
+        except GraphError as error:
+            wrong += error.problems
+    return found
 
 
 def _cell(point: Mapping[str, Point], change: Change) -> Cell:

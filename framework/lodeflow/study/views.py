@@ -12,7 +12,7 @@ from lodeflow.graph.problems import Problems, join, show
 from lodeflow.graph.reading import check_keys, mapping
 from lodeflow.graph.tree import Tree
 from lodeflow.messages.units import Dimensionless
-from lodeflow.study.changes import label_of
+from lodeflow.study.axes import label_of
 from lodeflow.study.model import Axis, Column, Figure, Table, Value, Where
 from lodeflow.study.statistics import Statistic
 
