@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import click
+from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 from rich.text import Text
 
 from lodeflow.cli.options import JSON
@@ -19,7 +21,7 @@ from lodeflow.study.figures import draw, matplotlib
 from lodeflow.study.load import load_study
 from lodeflow.study.model import Cell
 from lodeflow.study.runner import run_cells
-from lodeflow.study.store import Results, finished, write
+from lodeflow.study.store import Keep, Results, finished, write, writing
 from lodeflow.study.table import Filled, fill
 from lodeflow.study.worker import Outcome
 
@@ -60,7 +62,7 @@ def command(
     if loaded.figures and not no_figures:
         matplotlib()  # before hours of work
     folder = folder or Path("recordings", "studies", loaded.name)
-    with finished(folder, fresh=fresh) as (known, keep):
+    with writing(folder), finished(folder, fresh=fresh) as (known, keep):
         results = Results(loaded)
         results.outcomes.update(
             {cell.key: known[cell.key] for cell in loaded.cells if cell.key in known}
@@ -102,7 +104,7 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _run(name: str, todo: list[Cell], results: Results, jobs: int, keep: Any) -> None:
+def _run(name: str, todo: list[Cell], results: Results, jobs: int, keep: Keep) -> None:
     """Run what is not finished, with a bar on a terminal."""
     if not todo:
         return
@@ -141,7 +143,7 @@ def _show(results: Results, tables: list[Filled], folder: Path, counts: dict[str
         for row in filled.texts():
             shown.add_row(*map(Text, row))
         RESULT.print(Text(filled.table.title, style="bold"))
-        RESULT.print(shown)
+        RESULT.print(shown, width=_width(shown), crop=False)
         RESULT.print(Text(filled.caption, style="dim"), soft_wrap=True)
         RESULT.print()
     reused = counts["cells"] - counts["run"]
@@ -150,6 +152,14 @@ def _show(results: Results, tables: list[Filled], folder: Path, counts: dict[str
     line += f", {counts['failed']} failed" if counts["failed"] else ""
     RESULT.print(f"{line}, in {counts['seconds']:.1f} s")
     RESULT.print(f"results in {folder}", soft_wrap=True)
+
+
+def _width(shown: Table) -> int:
+    """Return the width to print a table at: that of the terminal, elsewhere all that it needs."""
+    if RESULT.is_terminal:
+        return RESULT.width
+    options = RESULT.options.update(max_width=100_000)
+    return max(RESULT.width, Measurement.get(RESULT, options, shown).maximum)
 
 
 def _tell(results: Results) -> None:

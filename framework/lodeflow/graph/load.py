@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -157,7 +158,18 @@ def read_text(path: str | Path, origin: Origin, problems: Problems) -> str | Non
 
 
 def _parse(text: str | None, origin: Origin, problems: Problems) -> Tree | None:
-    return None if text is None else parse(text, origin, problems)
+    if text is None:
+        return None
+    good = _parsed(text, origin)
+    return parse(text, origin, problems) if good is None else good
+
+
+@lru_cache(maxsize=8)  # a study loads one file for each of its cells
+def _parsed(text: str, origin: Origin) -> Tree | None:
+    """Return the tree of a text without problems; None for others."""
+    problems = Problems()
+    tree = parse(text, origin, problems)
+    return None if len(problems) else tree
 
 
 def _document(merged: Tree, args: dict[str, Any]) -> dict[str, Any]:

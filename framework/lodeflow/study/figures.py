@@ -36,7 +36,7 @@ def draw(figure: Figure, results: Results, folder: Path) -> list[Path]:
     """Draw a figure as PNG and SVG, and return the files.
 
     Raises:
-        RunError: matplotlib is not installed, or a file cannot be written.
+        RunError: matplotlib is not installed.
     """
     # Neither a window system nor the pyplot registry of open figures is wanted here.
     matplotlib().rcParams["svg.hashsalt"] = figure.name  # the same bytes each time
@@ -56,10 +56,7 @@ def draw(figure: Figure, results: Results, folder: Path) -> list[Path]:
     made.tight_layout()
     files = [folder / f"{figure.name}.{form}" for form in FORMS]
     for file in files:
-        try:
-            made.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None)
-        except OSError as error:
-            raise RunError(f"{file}: cannot be written: {error.strerror}") from error
+        made.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None)
     return files
 
 

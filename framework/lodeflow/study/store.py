@@ -55,53 +55,63 @@ class Results:
         return [*self.study.axes, *columns, "error"]
 
 
+Keep = Callable[[Cell, Outcome], None]
+"""Keeps a finished cell, at once."""
+
+
 @contextmanager
-def finished(
-    folder: Path, *, fresh: bool
-) -> Iterator[tuple[dict[str, Outcome], Callable[..., None]]]:
-    """Open the folder for one study at a time.
+def writing(folder: Path) -> Iterator[None]:
+    """Make a folder, and tell what cannot be written there.
+
+    Raises:
+        RunError: with the file and the reason.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        what = f"{error.filename or folder}: cannot be written: {error.strerror}"
+        raise RunError(what) from error
+
+
+@contextmanager
+def finished(folder: Path, *, fresh: bool) -> Iterator[tuple[dict[str, Outcome], Keep]]:
+    """Open what is finished, for one study at a time.
 
     Args:
-        folder: made if missing.
+        folder: is there.
         fresh: forget what is finished.
 
     Yields:
         The outcome of each finished cell by its key, and what keeps a further one.
 
     Raises:
-        RunError: the folder cannot be written, or another process writes to it.
+        RunError: another process writes to the folder.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / FINISHED
-        with path.open("a+", encoding="utf-8") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise RunError(f"{folder}: another 'lodeflow study' is writing here") from None
-            if fresh:
-                file.truncate(0)
-            file.seek(0)
-            text = file.read()
-            if text and not text.endswith("\n"):  # a line that was cut off by a kill
-                file.write("\n")
+    with (folder / FINISHED).open("a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise RunError(f"{folder}: another 'lodeflow study' is writing here") from None
+        if fresh:
+            file.truncate(0)
+        file.seek(0)
+        text = file.read()
+        if text and not text.endswith("\n"):  # a line that was cut off by a kill
+            file.write("\n")
 
-            def keep(cell: Cell, outcome: Outcome) -> None:
-                line = {
-                    "key": cell.key,
-                    "cell": {axis: point.label for axis, point in cell.point.items()},
-                    "numbers": outcome.numbers,
-                    "logs": outcome.logs,
-                }
-                file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
+        def keep(cell: Cell, outcome: Outcome) -> None:
+            line = {
+                "key": cell.key,
+                "cell": {axis: point.label for axis, point in cell.point.items()},
+                "numbers": outcome.numbers,
+                "logs": outcome.logs,
+            }
+            file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
 
-            yield dict(_read(text)), keep
-    except OSError as error:
-        raise RunError(
-            f"{error.filename or folder}: cannot be written: {error.strerror}"
-        ) from error
+        yield dict(_read(text)), keep
 
 
 def _read(text: str) -> Iterator[tuple[str, Outcome]]:
@@ -114,32 +124,20 @@ def _read(text: str) -> Iterator[tuple[str, Outcome]]:
 
 
 def write(results: Results, folder: Path, command: Sequence[str], started: str) -> list[Path]:
-    """Write the table of all cells, the files of the study and its provenance.
-
-    Returns:
-        The files.
-
-    Raises:
-        RunError: one of them cannot be written.
-    """
+    """Write the table of all cells, the files of the study and its provenance; return the files."""
     study = results.study
-    try:
-        written = [_csv(results, folder / f"{CELLS}.csv")]
-        if parquet := _parquet(results, folder / f"{CELLS}.parquet"):
-            written.append(parquet)
-        for file in study.files:
-            kept = folder / "study" / file.name
-            kept.parent.mkdir(exist_ok=True)
-            shutil.copyfile(file, kept)
-            written.append(kept)
-        about = folder / "provenance.json"
-        text = json.dumps(provenance(study, command, started), indent=2, ensure_ascii=False)
-        about.write_text(text + "\n", encoding="utf-8")
-        return [*written, about]
-    except OSError as error:
-        raise RunError(
-            f"{error.filename or folder}: cannot be written: {error.strerror}"
-        ) from error
+    written = [_csv(results, folder / f"{CELLS}.csv")]
+    if parquet := _parquet(results, folder / f"{CELLS}.parquet"):
+        written.append(parquet)
+    (folder / "study").mkdir(exist_ok=True)
+    for file in study.files:
+        kept = folder / "study" / file.name
+        shutil.copyfile(file, kept)
+        written.append(kept)
+    about = folder / "provenance.json"
+    text = json.dumps(provenance(study, command, started), indent=2, ensure_ascii=False)
+    about.write_text(text + "\n", encoding="utf-8")
+    return [*written, about]
 
 
 def provenance(study: Study, command: Sequence[str], started: str) -> dict[str, Any]:

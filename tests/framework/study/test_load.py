@@ -1,5 +1,8 @@
 """Study files to cells."""
 
+import os
+from pathlib import Path
+
 import pytest
 from studies import load
 
@@ -108,3 +111,24 @@ def test_scores_may_be_other_streams(folder):
     assert "level.error" in study.columns
     study = load("scores: noise")
     assert "level.error" not in study.columns
+
+
+def test_the_study_in_the_documentation(folder):
+    root = Path(__file__).parents[3]
+    text = (root / "docs" / "studies.md").read_text().split("```yaml\n")[1].split("```")[0]
+    (folder / "noise.yaml").write_text(
+        text.replace("../heading.yaml", f"{root}/graphs/heading.yaml")
+    )
+    study = load_study("noise.yaml")
+    assert len(study.cells) == 2 * 2 * 30
+    assert study.tables[0].values[0].heading == "score.heading_rmse [deg], median"
+
+
+def test_the_study_of_fusers():
+    for package in ("vqf", "imufusion", "ahrs"):
+        pytest.importorskip(package, reason="the extra 'peers' is not installed")
+    if "LODEFLOW_DATA" not in os.environ:
+        pytest.skip("LODEFLOW_DATA does not name a folder with broad/")
+    path = Path(__file__).parents[3] / "graphs" / "studies" / "fusers_on_broad.yaml"
+    study = load_study(path)
+    assert set(study.axes["trial"].labels) >= {"02", "18", "25", "27", "31", "34"}

@@ -10,7 +10,7 @@ from study_toys import GRAPH
 
 from lodeflow.errors import RunError
 from lodeflow.study.runner import run_cells
-from lodeflow.study.store import FINISHED, Results, finished, provenance, write
+from lodeflow.study.store import FINISHED, Results, finished, provenance, write, writing
 from lodeflow.study.worker import Outcome
 
 FAULTS = ["none", "raise", "kill", "exit", "nan", "warn", "silent"]
@@ -69,6 +69,7 @@ def test_warnings_are_kept(outcomes):
 def test_finished_cells_are_kept_and_a_line_cut_off_is_not(folder):
     study = load("axes: {seed: {arg: seed, from: 0, to: 2}}")
     first, second, _ = study.cells
+    (folder / "out").mkdir()
     outcome = Outcome({"wall": 0.5, "level.error": None, "level.samples": 3}, logs=("hm",))
     with finished(folder / "out", fresh=False) as (known, keep):
         assert known == {}
@@ -88,10 +89,18 @@ def test_finished_cells_are_kept_and_a_line_cut_off_is_not(folder):
 
 
 def test_two_studies_do_not_write_into_one_folder(folder):
+    (folder / "out").mkdir()
     told = "another 'lodeflow study' is writing here"
     with finished(folder / "out", fresh=False), pytest.raises(RunError, match=told):  # noqa: SIM117
         with finished(folder / "out", fresh=False):
             pass
+
+
+def test_a_folder_that_cannot_be_written(folder):
+    (folder / "file").write_text("")
+    told = "file/out: cannot be written: Not a directory"
+    with pytest.raises(RunError, match=told), writing(folder / "file" / "out"):
+        pass
 
 
 def test_the_table_of_cells(folder):
