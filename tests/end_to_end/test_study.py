@@ -73,7 +73,7 @@ Errors
 method      1      2      3    max  lower than plain
 plain    5.73  11.46  17.19  17.19
 double  11.46  22.92  34.38  34.38            0 of 3
-score.error [deg], mean.
+score.error [deg].
 
 6 cells: 6 run, in"""
 

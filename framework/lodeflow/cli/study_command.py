@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.measure import Measurement
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 from rich.text import Text
 
 from lodeflow.cli.options import JSON
-from lodeflow.cli.output import RESULT, STATUS, print_json, table
+from lodeflow.cli.output import RESULT, STATUS, print_json, print_whole, table
 from lodeflow.clock import monotonic, wall_time
 from lodeflow.study.figures import draw, matplotlib
 from lodeflow.study.load import load_study
@@ -143,7 +141,7 @@ def _show(results: Results, tables: list[Filled], folder: Path, counts: dict[str
         for row in filled.texts():
             shown.add_row(*map(Text, row))
         RESULT.print(Text(filled.table.title, style="bold"))
-        RESULT.print(shown, width=_width(shown), crop=False)
+        print_whole(shown)
         RESULT.print(Text(filled.caption, style="dim"), soft_wrap=True)
         RESULT.print()
     reused = counts["cells"] - counts["run"]
@@ -152,14 +150,6 @@ def _show(results: Results, tables: list[Filled], folder: Path, counts: dict[str
     line += f", {counts['failed']} failed" if counts["failed"] else ""
     RESULT.print(f"{line}, in {counts['seconds']:.1f} s")
     RESULT.print(f"results in {folder}", soft_wrap=True)
-
-
-def _width(shown: Table) -> int:
-    """Return the width to print a table at: that of the terminal, elsewhere all that it needs."""
-    if RESULT.is_terminal:
-        return RESULT.width
-    options = RESULT.options.update(max_width=100_000)
-    return max(RESULT.width, Measurement.get(RESULT, options, shown).maximum)
 
 
 def _tell(results: Results) -> None:

@@ -45,14 +45,15 @@ def draw(figure: Figure, results: Results, folder: Path) -> list[Path]:
     cells = Selection(results, figure.where)
     {"bars": _bars, "lines": _lines, "box": _box}[figure.kind](axes, figure, cells)
     axes.set_title(figure.title)
-    axes.set_ylabel(figure.value.heading)
+    shown = (figure.x, *((figure.series,) if figure.series else ()))
+    axes.set_ylabel(figure.value.heading(over=bool(cells.left_over(shown))))
     axes.set_xlabel(figure.x)
     if figure.log:
         axes.set_yscale("log")
     axes.grid(axis="y", alpha=0.3)
     axes.set_axisbelow(True)
     if figure.series:
-        axes.legend(frameon=False)
+        axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     made.tight_layout()
     files = [folder / f"{figure.name}.{form}" for form in FORMS]
     for file in files:

@@ -117,14 +117,13 @@ class Value:
         plain = self.statistic.counts or self.statistic.shares
         return found if plain else found / self.of.factor(self.unit)
 
-    @property
-    def heading(self) -> str:
-        """What it is, with its unit."""
+    def heading(self, *, over: bool) -> str:
+        """Return what it is, with its unit, and with the statistic where it is over something."""
         if self.statistic.counts:
             return f"{self.column}, {self.statistic.text}"
         unit = "%" if self.statistic.shares else self.unit
-        unit = f" [{unit}]" if unit else ""
-        return f"{self.column}{unit}, {self.statistic.text}"
+        quantity = f"{self.column} [{unit}]" if unit else self.column
+        return f"{quantity}, {self.statistic.text}" if over or self.statistic.shares else quantity
 
 
 Where = Mapping[str, tuple[str, ...]]

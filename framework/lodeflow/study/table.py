@@ -124,16 +124,16 @@ def fill(table: Table, results: Results) -> Filled:
         if table.against:
             wins.append(_wins(table, cells, at))
     margin = [(table.margin.text,)] if table.margin and table.columns else []
+    over = cells.left_over((*table.rows, *((table.columns,) if table.columns else ())))
     headers = [
-        " ".join(filter(None, (*column, value.label))) or value.heading
+        " ".join(filter(None, (*column, value.label))) or value.heading(over=bool(over))
         for column in (*columns, *margin)
         for value in table.values
     ]
     if table.against:
         headers.append(f"{table.better} than {' '.join(table.against)}")
-    return Filled(
-        table, (*table.rows, *headers), tuple(rows), tuple(wins), _caption(table, results, cells)
-    )
+    caption = _caption(table, over)
+    return Filled(table, (*table.rows, *headers), tuple(rows), tuple(wins), caption)
 
 
 class Selection:
@@ -150,6 +150,11 @@ class Selection:
     def labels(self, axis: str) -> Sequence[str]:
         """Return the labels of an axis that are looked at, in the order of `where`, if given."""
         return self.where.get(axis) or self.results.study.axes[axis].labels
+
+    def left_over(self, shown: Labels) -> list[str]:
+        """Return the axes, with the number of their labels, that statistics go over."""
+        axes = [axis for axis in self.results.study.axes if axis not in shown]
+        return [f"{axis} ({n})" for axis in axes if (n := len(self.labels(axis))) > 1]
 
     def at(self, place: Mapping[str, str]) -> Iterator[Cell]:
         """Yield the cells at a place in the grid."""
@@ -222,16 +227,12 @@ def _rest(cell: Cell, rows: Labels) -> Labels:
     return tuple(point.label for axis, point in cell.point.items() if axis not in rows)
 
 
-def _caption(table: Table, results: Results, cells: Selection) -> str:
+def _caption(table: Table, over: Sequence[str]) -> str:
     """Return what the numbers are, over what, and what stands in parentheses."""
     shown = [
-        f"{value.label}: {value.heading}" if value.label else value.heading
+        f"{value.label}: {heading}" if value.label else heading
         for value in table.values
-    ]
-    over = [
-        f"{axis} ({len(cells.labels(axis))})"
-        for axis in results.study.axes
-        if axis not in (*table.rows, table.columns) and len(cells.labels(axis)) > 1
+        for heading in [value.heading(over=bool(over))]
     ]
     text = "; ".join(shown) + (f", over {' and '.join(over)}" if over else "")
     if table.reference:

@@ -121,7 +121,7 @@ def test_the_study_in_the_documentation(folder):
     )
     study = load_study("noise.yaml")
     assert len(study.cells) == 2 * 2 * 30
-    assert study.tables[0].values[0].heading == "score.heading_rmse [deg], median"
+    assert study.tables[0].values[0].heading(over=True) == "score.heading_rmse [deg], median"
 
 
 def test_the_study_of_fusers():

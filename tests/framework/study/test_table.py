@@ -76,6 +76,7 @@ def test_columns_and_several_values(made):
         " values: {a: level.error, b: level.samples}, digits: 1}"
     )
     assert filled.headers == ("method", "4 a", "4 b", "9 a", "9 b", "mean a", "mean b")
+    assert filled.caption == "a: level.error [rad/s]; b: level.samples."
     assert list(filled.texts()) == [("flat", "11.0", "4.0", "21.0", "9.0", "16.0", "6.5")]
 
 
