@@ -297,8 +297,6 @@ def _syntax(error: yaml.MarkedYAMLError, text: str, origin: Origin) -> tuple[Pla
         return place, "a tab; indent with spaces"
     if "cannot start any token" in problem:
         return place, f"a text that begins with {rest[:1]} needs quotes"
-    if "nesting depth" in problem:  # the C parser has a limit of its own, far above ours
-        return place, f"nested more than {DEPTH} levels deep"
     if "unexpected end of stream" in problem:
         return place, f"the quotes opened at {since} are not closed"
     if "nesting depth" in problem:  # the parser's own limit, which lies above ours

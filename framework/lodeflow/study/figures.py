@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,8 @@ def draw(figure: Figure, results: Results, folder: Path) -> list[Path]:
     {"bars": _bars, "lines": _lines, "box": _box}[figure.kind](axes, figure, cells)
     axes.set_title(figure.title)
     shown = (figure.x, *((figure.series,) if figure.series else ()))
-    axes.set_ylabel(figure.value.heading(over=bool(cells.left_over(shown))))
+    over = figure.kind != "box" and bool(cells.left_over(shown))
+    axes.set_ylabel(figure.value.heading(over=over))
     axes.set_xlabel(figure.x)
     if figure.log:
         axes.set_yscale("log")
@@ -81,14 +82,23 @@ def _shown(figure: Figure, numbers: list[float]) -> list[float]:
     return [number / factor for number in numbers if not math.isnan(number)]
 
 
-def _bars(axes: Any, figure: Figure, cells: Selection) -> None:
+def _side_by_side(
+    figure: Figure, cells: Selection
+) -> Iterator[tuple[str, str, float, list[float], list[list[float]]]]:
+    """Yield (name, colour, width, places, numbers at each label of x) of each series."""
     labels, series = cells.labels(figure.x), _series(figure, cells)
     width = 0.8 / len(series)
     for at, name in enumerate(series):
-        heights = [_statistic(figure, _numbers(figure, cells, label, name)) for label in labels]
         places = [x - 0.4 + width * (at + 0.5) for x in range(len(labels))]
-        axes.bar(places, heights, width, label=name)
-    _name_ticks(axes, labels)
+        found = [_numbers(figure, cells, label, name) for label in labels]
+        yield name, f"C{at}", width, places, found
+
+
+def _bars(axes: Any, figure: Figure, cells: Selection) -> None:
+    for name, colour, width, places, found in _side_by_side(figure, cells):
+        heights = [_statistic(figure, numbers) for numbers in found]
+        axes.bar(places, heights, width, color=colour, label=name)
+    _name_ticks(axes, cells.labels(figure.x))
 
 
 def _lines(axes: Any, figure: Figure, cells: Selection) -> None:
@@ -101,7 +111,9 @@ def _lines(axes: Any, figure: Figure, cells: Selection) -> None:
         found = [_numbers(figure, cells, label, name) for label in labels]
         (line,) = axes.plot(places, [_statistic(figure, n) for n in found], marker="o", label=name)
         spread = [_shown(figure, numbers) for numbers in found]
-        if any(len(numbers) > 1 for numbers in spread) and not figure.value.statistic.counts:
+        statistic = figure.value.statistic
+        in_unit = not (statistic.counts or statistic.shares)
+        if in_unit and any(len(numbers) > 1 for numbers in spread):
             low = [min(numbers, default=math.nan) for numbers in spread]
             high = [max(numbers, default=math.nan) for numbers in spread]
             axes.fill_between(places, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
@@ -110,20 +122,18 @@ def _lines(axes: Any, figure: Figure, cells: Selection) -> None:
 
 
 def _box(axes: Any, figure: Figure, cells: Selection) -> None:
-    labels, series = cells.labels(figure.x), _series(figure, cells)
-    width = 0.8 / len(series)
-    for at, name in enumerate(series):
-        found = [_shown(figure, _numbers(figure, cells, label, name)) for label in labels]
-        places = [x - 0.4 + width * (at + 0.5) for x in range(len(labels))]
+    for name, colour, width, places, found in _side_by_side(figure, cells):
         boxes = axes.boxplot(
-            found, positions=places, widths=0.9 * width, patch_artist=True, manage_ticks=False
+            [_shown(figure, numbers) for numbers in found],
+            positions=places,
+            widths=0.9 * width,
+            patch_artist=True,
+            medianprops={"color": "black"},
+            manage_ticks=False,
         )
-        for box in boxes["boxes"]:
-            box.set_facecolor(f"C{at}")
-            box.set_alpha(0.6)
-        if figure.series:
-            axes.bar([0], [0], color=f"C{at}", alpha=0.6, label=name)  # for the legend
-    _name_ticks(axes, labels)
+        for number, box in enumerate(boxes["boxes"]):
+            box.set(facecolor=colour, alpha=0.6, label=None if number else name)
+    _name_ticks(axes, cells.labels(figure.x))
 
 
 def _name_ticks(axes: Any, labels: Sequence[str]) -> None:
