@@ -8,6 +8,7 @@ def lodeflow_nodes() -> dict[str, str]:
     """Plugin names and where their classes are; nothing is imported until a graph names one."""
     here = "lodeflow_plugins"
     kalman = f"{here}.fusion.quaternion_kalman.node"
+    peers = f"{here}.fusion.peers"
     return {
         "simulated_vehicle": f"{here}.sources.simulated_vehicle.node:SimulatedVehicle",
         "csv": f"{here}.sources.csv_file:CsvFile",
@@ -20,6 +21,10 @@ def lodeflow_nodes() -> dict[str, str]:
         "tilt_compass": f"{here}.fusion.tilt_compass.node:TiltCompass",
         "quaternion_kalman": f"{kalman}:QuaternionKalman",
         "chu_fuser": f"{kalman}:ChuFuser",
+        "vqf": f"{peers}.vqf:Vqf",
+        "imufusion": f"{peers}.imufusion:ImuFusion",
+        "ahrs_madgwick": f"{peers}.ahrs:AhrsMadgwick",
+        "ahrs_mahony": f"{peers}.ahrs:AhrsMahony",
         "heading_from_attitude": f"{here}.fusion.heading_from_attitude:HeadingFromAttitude",
         "attitude_score": f"{here}.scoring.attitude_score.node:ScoreAttitude",
     }

@@ -14,6 +14,10 @@ BUNDLED = {
     "heading_from_attitude", "imu_combiner", "mag_calibrator", "quaternion_kalman",
     "recorded_sensors", "simulated_vehicle", "tilt_compass",
 }  # fmt: skip
+PEERS = {
+    "ahrs_madgwick": "ahrs", "ahrs_mahony": "ahrs", "imufusion": "imufusion", "vqf": "vqf",
+}  # fmt: skip
+"""Plugins that wrap a package of the extra `peers`, and the package."""
 
 CSV = """\
 t,gx,gy,gz,ax,ay,az,mx,my,mz
@@ -58,17 +62,23 @@ def files(tmp_path_factory):
 
 
 def test_the_bundled_plugins_are_installed():
-    assert set(registry().nodes) >= BUNDLED
+    assert set(registry().nodes) >= BUNDLED | PEERS.keys()
+
+
+def load(name):
+    if name in PEERS:
+        pytest.importorskip(PEERS[name], reason="the extra 'peers' is not installed")
+    return registry().load(name)
 
 
 @pytest.mark.parametrize("name", sorted(registry().nodes))
 def test_contract(name, files):
-    check_node(registry().load(name), files.get(name))
+    check_node(load(name), files.get(name))
 
 
 @pytest.mark.parametrize("name", sorted(registry().nodes))
 def test_it_is_documented(name):
-    plugin = registry().load(name)
+    plugin = load(name)
     assert plugin.__doc__
     undocumented = [
         key for key, field in plugin.Params.model_fields.items() if not field.description

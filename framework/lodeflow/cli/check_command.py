@@ -10,16 +10,21 @@ import click
 from lodeflow.cli.options import overrides
 from lodeflow.errors import GraphError
 from lodeflow.graph import load_graph
+from lodeflow.study.load import is_study, load_study
 
 
 @click.command()
 @click.argument("graphs", nargs=-1, required=True, type=click.Path(dir_okay=False, path_type=Path))
 @overrides
 def command(graphs: tuple[Path, ...], overrides: dict[str, Any]) -> int:
-    """Check graph files: all errors, each with its place. Exit 1 if there are any."""
+    """Check graph and study files: all errors, each with its place. Exit 1 if there are any."""
     problems = 0
     for path in graphs:
         try:
+            if is_study(path):
+                study = load_study(path)
+                click.echo(f"{path}: {len(study.cells)} cells, good")
+                continue
             graph = load_graph(path, **overrides)
         except GraphError as error:
             click.echo(str(error), err=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 
 from lodeflow.messages.message import Message
@@ -31,6 +32,13 @@ def table(*columns: str) -> Table:
             column.removeprefix(">"), justify="right" if column.startswith(">") else "left"
         )
     return made
+
+
+def print_whole(shown: Table) -> None:
+    """Print a table at the width that it needs, however narrow the terminal is."""
+    wide = RESULT.options.update(max_width=100_000)
+    width = max(RESULT.width, Measurement.get(RESULT, wide, shown).maximum)
+    Console(width=width, highlight=False, markup=False).print(shown)
 
 
 def score_lines(name: str, score: Message) -> list[tuple[str, str]]:

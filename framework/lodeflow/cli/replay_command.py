@@ -21,7 +21,7 @@ from lodeflow.graph import Graph, Record, load_graph, load_graph_text
 from lodeflow.recording.compare import compare
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
-from lodeflow.recording.replay import Replay, replaying
+from lodeflow.recording.replay import Replay, replaying, without_effect
 from lodeflow.supervisor.run import run
 from lodeflow.supervisor.summary import Summary
 
@@ -141,13 +141,8 @@ def _refuse_without_effect(replay: Replay, overrides: Mapping[str, Sequence[str]
     Raises:
         GraphError: with each such option.
     """
-    options = [("--set", text, text.partition(".")[0]) for text in overrides["sets"]]
-    options += [("--swap", text, text.partition("=")[0]) for text in overrides["swaps"]]
-    problems = [
-        f"{option} {text}: '{node.strip()}' is not computed, its streams come from the recording; "
-        f"--from {node.strip()} computes it anew"
-        for option, text, node in options
-        if node.strip() not in replay.computed
-    ]
+    options = [(f"--set {text}", text.partition(".")[0].strip()) for text in overrides["sets"]]
+    options += [(f"--swap {text}", text.partition("=")[0].strip()) for text in overrides["swaps"]]
+    problems = without_effect(replay, options)
     if problems:
         raise GraphError(problems)

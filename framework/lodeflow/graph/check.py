@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import Any, get_args
 
 from lodeflow.errors import NodeError, did_you_mean
@@ -14,6 +12,7 @@ from lodeflow.graph.model import Graph, GraphNode, Loss, Record, Wire
 from lodeflow.graph.parameters import read_params
 from lodeflow.graph.plugins import Plugin, load_plugin
 from lodeflow.graph.problems import Problems, join, show
+from lodeflow.graph.reading import TITLE, check_keys, is_file, is_misspelt, mapping, missing, title
 from lodeflow.graph.tree import Tree
 from lodeflow.graph.wiring import Wiring
 from lodeflow.params import Params
@@ -22,8 +21,6 @@ FORMAT = 1
 """The version of the file format that this code reads."""
 KEYS = ("lodeflow", "name", "args", "nodes", "record", "processes")
 RECORDED_TO = "recordings/{name}-{start}.mcap"
-
-_GRAPH_NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 
 def check(
@@ -37,16 +34,9 @@ def check(
         problems: where problems are added.
         described: further attributes of the graph.
     """
-    if tree.value is None:
-        what = f"empty; a graph file begins with 'lodeflow: {FORMAT}'"
-        problems.add(tree.place, "", what)
+    if not is_file(tree, "graph", "lodeflow", FORMAT, KEYS, problems):
         return None
-    if not isinstance(tree.value, dict):
-        tree.refuse(problems, "", f"should be a mapping of {', '.join(KEYS)}")
-        return None
-    _check_keys(tree, "", KEYS, problems)
-    _version(tree, problems)
-    name = _graph_name(tree, problems)
+    name = title(tree, KEYS, problems)
     if (drafts := _nodes(tree, problems)) is None:
         return None
     wiring = Wiring({node: draft.plugin for node, draft in drafts.items()}, problems)
@@ -56,55 +46,6 @@ def check(
     record = _record(tree, args, wiring, problems)
     processes = _processes(tree, drafts, problems)
     return None if len(problems) else Graph(name, nodes, record, processes, args, **described)
-
-
-def _check_keys(tree: Tree, path: str, known: Iterable[str], problems: Problems) -> None:
-    for name, value in tree.entries.items():
-        if name not in known:
-            near = did_you_mean(name, known) or f" (keys: {', '.join(known)})"
-            problems.add(value.name_place, join(path, name), f"unknown key{near}")
-
-
-def _is_misspelt(tree: Tree, name: str, known: Iterable[str]) -> bool:
-    """Whether a key that is missing is there under a wrong name, which is told already."""
-    strange = tree.entries.keys() - set(known)
-    return any(f"'{name}'" in did_you_mean(other, known) for other in strange)
-
-
-def _missing(tree: Tree, name: str, what: str, problems: Problems) -> None:
-    if not _is_misspelt(tree, name, KEYS):
-        problems.add(replace(tree.place, length=0), name, f"missing; {what}")
-
-
-def _mapping(tree: Tree | None, path: str, what: str, problems: Problems) -> dict[str, Tree]:
-    """Return the entries of a mapping; null is an empty one."""
-    if tree is None or tree.value is None:
-        return {}
-    if not isinstance(tree.value, dict):
-        tree.refuse(problems, path, f"should be a mapping of {what}, got {show(tree.plain())}")
-    return tree.entries
-
-
-def _version(tree: Tree, problems: Problems) -> None:
-    version = tree.find("lodeflow")
-    if version is None:
-        what = f"a graph file begins with 'lodeflow: {FORMAT}', the version of its format"
-        _missing(tree, "lodeflow", what, problems)
-    elif type(version.value) is not int or version.value != FORMAT:
-        what = f"should be {FORMAT}, the version of the format that this lodeflow reads"
-        version.refuse(problems, "lodeflow", f"{what}, got {show(version.plain())}")
-
-
-def _graph_name(tree: Tree, problems: Problems) -> str:
-    name = tree.find("name")
-    rule = "a name is a-z, then a-z, 0-9, _ and -; it goes into keys and file names"
-    if name is None:
-        _missing(tree, "name", rule, problems)
-    elif not isinstance(name.value, str) or not _GRAPH_NAME.fullmatch(name.value):
-        name.refuse(problems, "name", f"{rule}, got {show(name.plain())}")
-    else:
-        return name.value
-    return ""
 
 
 class _Draft:
@@ -120,14 +61,14 @@ class _Draft:
             what = f"should be a mapping, such as {{use: plugin}}, got {show(tree.plain())}"
             tree.refuse(problems, self.path, what)
             return
-        _check_keys(tree, self.path, NODE_KEYS, problems)
+        check_keys(tree, self.path, NODE_KEYS, problems)
         self._load(others, problems)
 
     def _load(self, others: Iterable[str], problems: Problems) -> None:
         use = self.tree.find("use")
         path = join(self.path, "use")
         if use is None:
-            if _is_misspelt(self.tree, "use", NODE_KEYS):
+            if is_misspelt(self.tree, "use", NODE_KEYS):
                 return
             near = did_you_mean(self.name, [other for other in others if other != self.name])
             what = f"missing; name a plugin, or module:Class{near and f'; or{near[1:]}'}"
@@ -187,9 +128,10 @@ def _nodes(tree: Tree, problems: Problems) -> dict[str, _Draft] | None:
     """Return the nodes, or None where there are none to speak of."""
     nodes = tree.find("nodes")
     if nodes is None:
-        _missing(tree, "nodes", "a graph has nodes, {name: {use: plugin}}", problems)
+        what = "a graph has nodes, {name: {use: plugin}}"
+        missing(tree, "nodes", what, KEYS, problems)
         return None
-    given = _mapping(nodes, "nodes", "names to {use: plugin}", problems)
+    given = mapping(nodes, "nodes", "names to {use: plugin}", problems)
     if nodes.value in (None, {}):
         problems.add(nodes.name_place, "nodes", "empty; a graph has at least one node")
     drafts = {name: _Draft(name, node, given, problems) for name, node in given.items()}
@@ -202,8 +144,8 @@ def _record(
     record = tree.find("record")
     if record is None or record.value is None:
         return None
-    given = _mapping(record, "record", "to and streams", problems)
-    _check_keys(record, "record", ("to", "streams"), problems)
+    given = mapping(record, "record", "to and streams", problems)
+    check_keys(record, "record", ("to", "streams"), problems)
     to = RECORDED_TO
     if path := given.get("to"):
         if isinstance(path.value, str) and path.value:
@@ -244,12 +186,12 @@ def _processes(
     tree: Tree, nodes: Mapping[str, _Draft], problems: Problems
 ) -> dict[str, tuple[str, ...]]:
     given = tree.find("processes")
-    groups = _mapping(given, "processes", "groups to lists of nodes", problems)
+    groups = mapping(given, "processes", "groups to lists of nodes", problems)
     placed: dict[str, str] = {}
     found: dict[str, tuple[str, ...]] = {}
     for group, members in groups.items():
         path = join("processes", group)
-        if not _GRAPH_NAME.fullmatch(group):
+        if not TITLE.fullmatch(group):
             what = "a name is a-z, then a-z, 0-9, _ and -"
             problems.add(members.name_place, path, what)
         if not members.items:
@@ -266,9 +208,9 @@ def _processes(
             else:
                 placed[name] = group
         found[group] = tuple(str(item.value) for item in members.items)
-    missing = [name for name in nodes if name not in placed]
+    left = [name for name in nodes if name not in placed]
     all_right = sum(map(len, found.values())) == len(placed)
-    if given and groups and missing and all_right:
-        what = f"in no group: {', '.join(missing)}; add to one"
+    if given and groups and left and all_right:
+        what = f"in no group: {', '.join(left)}; add to one"
         problems.add(given.name_place, "processes", what)
     return found

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from lodeflow.errors import NodeError, did_you_mean
 from lodeflow.graph.plugins import load_plugin
@@ -17,6 +18,31 @@ from lodeflow.graph.tree import Tree, parse
 FIRST_OPTION = 1000
 """Rank of the first option; files come before."""
 NODE_KEYS = ("use", "params", "inputs", "when", "allow")
+
+
+Kind = Literal["swap", "set", "arg"]
+_USAGE: dict[Kind, str] = {
+    "swap": "--swap node=plugin",
+    "set": "--set node.param=value",
+    "arg": "--arg name=value",
+}
+
+
+@dataclass(frozen=True)
+class Option:
+    """A change to one value of a graph, on the command line or in a study.
+
+    Attributes:
+        kind: what is changed.
+        target: a node for a swap, "node.param" for a set, or the name of an arg.
+        value: the plugin, or the value.
+        place: where the target is written.
+    """
+
+    kind: Kind
+    target: str
+    value: Tree
+    place: Place
 
 
 @dataclass(frozen=True)
@@ -47,13 +73,24 @@ class Layers:
     notes: tuple[str, ...]
 
 
+def read_options(
+    sets: Sequence[str], swaps: Sequence[str], args: Sequence[str], problems: Problems
+) -> list[Option]:
+    """Return what stands on a command line as options, in the order in which they apply."""
+    found, rank = [], FIRST_OPTION
+    texts: tuple[tuple[Kind, Sequence[str]], ...] = (("swap", swaps), ("set", sets), ("arg", args))
+    for kind, given in texts:
+        for text in given:
+            rank += 1
+            shown = text.encode("utf-8", "replace").decode()  # it may hold undecodable bytes
+            origin = Origin(f"--{kind} {' '.join(shown.split())}", rank)
+            if option := _read(kind, text, origin, problems):
+                found.append(option)
+    return found
+
+
 def override(
-    base: Tree,
-    overlays: Sequence[Tree],
-    sets: Sequence[str],
-    swaps: Sequence[str],
-    args: Sequence[str],
-    problems: Problems,
+    base: Tree, overlays: Sequence[Tree], options: Sequence[Option], problems: Problems
 ) -> Layers:
     """Apply overlays, then swaps, then sets, then args to a graph file."""
     layers, notes = [Layer(base)], []
@@ -61,25 +98,17 @@ def override(
     for overlay in overlays:
         layers.append(Layer(overlay, removes=True))
         merged = _merge(merged, overlay, "", problems, removes=True)
-    rank = FIRST_OPTION
-    for option in swaps:
-        rank += 1
-        if swapped := _swap(merged, option, _origin("--swap", option, rank), problems):
+    for option in (option for option in options if option.kind == "swap"):
+        if swapped := _swap(merged, option, problems):
             merged, layer, dropped = swapped
             layers.append(layer)
             notes += dropped
-    for kind, options, read in (("--set", sets, _set), ("--arg", args, _arg)):
-        for option in options:
-            rank += 1
-            if tree := read(merged, option, _origin(kind, option, rank), problems):
+    for kind, nested in (("set", _set), ("arg", _arg)):
+        for option in (option for option in options if option.kind == kind):
+            if tree := nested(merged, option, problems):
                 layers.append(Layer(tree))
                 merged = _merge(merged, tree, "", problems, removes=False)
     return Layers(tuple(layers), merged, tuple(notes))
-
-
-def _origin(kind: str, option: str, rank: int) -> Origin:
-    shown = option.encode("utf-8", "replace").decode()  # an argument may hold undecodable bytes
-    return Origin(f"{kind} {' '.join(shown.split())}", rank)
 
 
 def _merge(base: Tree, over: Tree, path: str, problems: Problems, *, removes: bool) -> Tree:
@@ -99,82 +128,77 @@ def _merge(base: Tree, over: Tree, path: str, problems: Problems, *, removes: bo
     return replace(base, value=merged)
 
 
-def _nested(origin: Origin, names: Sequence[str], value: Tree) -> Tree:
-    place = Place(origin)
-    tree = replace(value, key=place)
+def _nested(option: Option, names: Sequence[str]) -> Tree:
+    tree = replace(option.value, key=option.place)
     for name in reversed(names):
-        tree = Tree({name: tree}, place, place)
+        tree = Tree({name: tree}, option.place, option.place)
     return tree
 
 
-def _read(option: str, origin: Origin, usage: str, problems: Problems) -> tuple[str, Tree] | None:
-    """Split NAME=VALUE and read the value as YAML."""
-    target, equals, text = option.partition("=")
-    if not target or not text.strip():
+def _read(kind: Kind, text: str, origin: Origin, problems: Problems) -> Option | None:
+    """Split NAME=VALUE and read the value as YAML; a plugin is a text as it is."""
+    target, equals, written = text.partition("=")
+    target, place = target.strip(), Place(origin)
+    if kind == "swap":
+        if not target or not written.strip():
+            problems.add(place, "", f"names no plugin; write {_USAGE[kind]}")
+            return None
+        return Option(kind, target, Tree(written.strip(), place, place), place)
+    if not target or not written.strip():
         what = "has no value (write '' for an empty text, or null)" if equals else "has no '='"
-        problems.add(Place(origin), "", f"{what}; write {usage}")
+        problems.add(place, "", f"{what}; write {_USAGE[kind]}")
         return None
-    value = parse(text, origin, problems)
-    return None if value is None else (target.strip(), value)
+    value = parse(written, origin, problems)
+    return None if value is None else Option(kind, target, value, place)
 
 
-def _no_node(name: str, merged: Tree, origin: Origin, problems: Problems) -> bool:
+def _no_node(name: str, merged: Tree, option: Option, problems: Problems) -> bool:
     nodes = merged.find("nodes")
     known = nodes.entries if nodes else {}
     if name in known:
         return False
-    problems.add(Place(origin), "", f"no node {show(name)}{did_you_mean(name, known)}")
+    problems.add(option.place, "", f"no node {show(name)}{did_you_mean(name, known)}")
     return True
 
 
-def _set(merged: Tree, option: str, origin: Origin, problems: Problems) -> Tree | None:
-    usage = "--set node.param=value"
-    if (pair := _read(option, origin, usage, problems)) is None:
-        return None
-    node, *names = pair[0].split(".")
+def _set(merged: Tree, option: Option, problems: Problems) -> Tree | None:
+    node, *names = option.target.split(".")
     if not names or not all((node, *names)):
-        problems.add(Place(origin), "", f"names no parameter; write {usage}")
+        problems.add(option.place, "", f"names no parameter; write {_USAGE['set']}")
         return None
-    if _no_node(node, merged, origin, problems):
+    if _no_node(node, merged, option, problems):
         return None
     if names == ["use"]:
-        problems.add(Place(origin), "", f"write --swap {node}=plugin")
+        problems.add(option.place, "", f"write --swap {node}=plugin")
         return None
     if names[0] not in NODE_KEYS or len(names) == 1:
         names = ["params", *names]
-    return _nested(origin, ["nodes", node, *names], pair[1])
+    return _nested(option, ["nodes", node, *names])
 
 
-def _arg(merged: Tree, option: str, origin: Origin, problems: Problems) -> Tree | None:
-    if (pair := _read(option, origin, "--arg name=value", problems)) is None:
-        return None
-    name, value = pair
+def _arg(merged: Tree, option: Option, problems: Problems) -> Tree | None:
+    name = option.target
     args = merged.find("args")
     known = args.entries if args else {}
     if name not in known:
         has = f" (args: {', '.join(known)})" if known else " (the graph has none)"
         near = did_you_mean(name, known)
-        problems.add(Place(origin), "", f"no arg {show(name)}{near}{has}")
+        problems.add(option.place, "", f"no arg {show(name)}{near}{has}")
         return None
-    return _nested(origin, ["args", name], value)
+    return _nested(option, ["args", name])
 
 
-def _swap(
-    merged: Tree, option: str, origin: Origin, problems: Problems
-) -> tuple[Tree, Layer, list[str]] | None:
+def _swap(merged: Tree, option: Option, problems: Problems) -> tuple[Tree, Layer, list[str]] | None:
     """Return the graph with another plugin, keeping those params that it has too."""
-    node, _, use = (part.strip() for part in option.partition("="))
-    if not node or not use:
-        problems.add(Place(origin), "", "names no plugin; write --swap node=plugin")
-        return None
-    if _no_node(node, merged, origin, problems):
+    node, use = option.target, str(option.value.value)
+    if _no_node(node, merged, option, problems):
         return None
     try:
         plugin = load_plugin(use)
     except NodeError as error:
-        problems.add(Place(origin), join("nodes", node, "use"), str(error))
+        problems.add(option.value.place, join("nodes", node, "use"), str(error))
         return None
-    named = Tree(use, Place(origin), Place(origin))
+    named = replace(option.value, key=option.place)
     merged = _put(merged, ("nodes", node, "use"), named)
     dropped = []
     params = merged.find("nodes", node, "params")
@@ -182,12 +206,12 @@ def _swap(
         kept: dict[str, Tree] = {}
         for name, value in params.value.items():
             if name in plugin.Params.model_fields:
-                kept[name] = replace(value, note=f"kept by {origin.label}")
+                kept[name] = replace(value, note=f"kept by {option.place}")
             else:
                 has = f"'{use}' has no parameter '{name}'"
-                dropped.append(f"{origin.label}: {has}, dropped ({value.place})")
+                dropped.append(f"{option.place}: {has}, dropped ({value.place})")
         merged = _put(merged, ("nodes", node, "params"), replace(params, value=kept))
-    return merged, Layer(_nested(origin, ["nodes", node, "use"], named)), dropped
+    return merged, Layer(_nested(option, ["nodes", node, "use"])), dropped
 
 
 def _put(tree: Tree, names: Sequence[str], value: Tree) -> Tree:

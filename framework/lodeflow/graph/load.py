@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from lodeflow.errors import did_you_mean
 from lodeflow.graph.arguments import NAME, declared, fill, used
 from lodeflow.graph.check import check
-from lodeflow.graph.layers import Layers, override
+from lodeflow.graph.layers import Layers, Option, override, read_options
 from lodeflow.graph.model import Graph
 from lodeflow.graph.problems import Origin, Place, Problems, join
 from lodeflow.graph.tree import Tree, parse, to_yaml
@@ -63,7 +64,9 @@ def load_graph_text(
     Raises:
         GraphError: with all problems.
     """
-    return _resolve(text, filename, overlays, sets, swaps, args, Problems())[0]
+    problems = Problems()
+    options = read_options(sets, swaps, args, problems)
+    return _resolve(text, filename, overlays, options, problems)[0]
 
 
 def dump(graph: Graph) -> str:
@@ -84,28 +87,46 @@ def resolve_file(
         GraphError: with all problems.
     """
     problems = Problems()
-    text = _read(path, Origin(str(path), 0, ()), problems)
-    return _resolve(text, str(path), overlays, sets, swaps, args, problems)
+    return _resolve_file(path, overlays, read_options(sets, swaps, args, problems), problems)
+
+
+def load_graph_with(
+    path: str | Path, overlays: Sequence[str | Path], options: Sequence[Option]
+) -> Graph:
+    """Return the checked graph of a file, with options that know where they are written.
+
+    Raises:
+        GraphError: with all problems.
+    """
+    return _resolve_file(path, overlays, options, Problems())[0]
+
+
+def _resolve_file(
+    path: str | Path,
+    overlays: Sequence[str | Path],
+    options: Sequence[Option],
+    problems: Problems,
+) -> tuple[Graph, Layers]:
+    text = read_text(path, Origin(str(path), 0, ()), problems)
+    return _resolve(text, str(path), overlays, options, problems)
 
 
 def _resolve(
     text: str | None,
     filename: str,
     overlays: Sequence[str | Path],
-    sets: Sequence[str],
-    swaps: Sequence[str],
-    args: Sequence[str],
+    options: Sequence[Option],
     problems: Problems,
 ) -> tuple[Graph, Layers]:
     base = _parse(text, Origin(filename, 0, ()), problems)
     others = []
     for rank, overlay in enumerate(overlays, 1):
         origin = Origin(str(overlay), rank, ())
-        others.append(_parse(_read(overlay, origin, problems), origin, problems))
+        others.append(_parse(read_text(overlay, origin, problems), origin, problems))
     readable = [tree for tree in others if tree is not None]
     if base is None or len(readable) < len(others):
         raise problems.error()  # without one of the files, nothing true can be said of the others
-    layers = override(base, readable, sets, swaps, args, problems)
+    layers = override(base, readable, options, problems)
     values = declared(layers.merged, problems)
     referred = used(layer.tree for layer in layers.layers)
     misspelt = "".join(did_you_mean(name, values) for name in referred - values.keys())
@@ -123,7 +144,8 @@ def _resolve(
     return graph, layers
 
 
-def _read(path: str | Path, origin: Origin, problems: Problems) -> str | None:
+def read_text(path: str | Path, origin: Origin, problems: Problems) -> str | None:
+    """Return the text of a file, or None after a problem."""
     try:
         return Path(path).read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -136,7 +158,18 @@ def _read(path: str | Path, origin: Origin, problems: Problems) -> str | None:
 
 
 def _parse(text: str | None, origin: Origin, problems: Problems) -> Tree | None:
-    return None if text is None else parse(text, origin, problems)
+    if text is None:
+        return None
+    good = _parsed(text, origin)
+    return parse(text, origin, problems) if good is None else good
+
+
+@lru_cache(maxsize=8)  # a study loads one file for each of its cells
+def _parsed(text: str, origin: Origin) -> Tree | None:
+    """Return the tree of a text without problems; None for others."""
+    problems = Problems()
+    tree = parse(text, origin, problems)
+    return None if len(problems) else tree
 
 
 def _document(merged: Tree, args: dict[str, Any]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -30,25 +30,39 @@ def provenance(graph: Graph, *, command: Sequence[str], started: str) -> dict[st
         "args": json.dumps(dict(graph.args), default=str),
         "command": json.dumps(list(command)),
         "started": started,
-        "python": sys.version.split()[0],
-        "platform": platform.platform(),
-        "cpu_features": " ".join(_cpu_features()),
-        "versions": json.dumps(_versions(graph)),
+        **host(),
+        "versions": json.dumps(
+            versions(node.plugin.__module__.partition(".")[0] for node in graph.nodes.values())
+        ),
     }
 
 
-def _versions(graph: Graph) -> dict[str, str]:
-    """Return the versions of the libraries, and of the packages that brought the plugins."""
-    tops = {node.plugin.__module__.partition(".")[0] for node in graph.nodes.values()}
+def host() -> dict[str, str]:
+    """Return what of the machine decides bytes."""
+    return {
+        "python": sys.version.split()[0],
+        "platform": platform.platform(),
+        "cpu_features": " ".join(_cpu_features()),
+    }
+
+
+def versions(tops: Iterable[str]) -> dict[str, str]:
+    """Return the versions of the libraries, and of the packages that some top modules belong to.
+
+    For a graph, the modules that brought its plugins.
+    """
     by_module = _distributions()
     names = {*LIBRARIES, *(name for top in tops for name in by_module.get(top, ()))}
-    found = {}
-    for name in sorted(names):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
+    return {name: found for name in sorted(names) if (found := _version(name))}
+
+
+@cache
+def _version(name: str) -> str:
+    """Return the version of a package; "" if it is not installed."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 @cache

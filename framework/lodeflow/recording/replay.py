@@ -116,6 +116,21 @@ def replaying(
     )
 
 
+def without_effect(replay: Replay, changes: Iterable[tuple[str, str]]) -> list[str]:
+    """Return what is wrong with changes of nodes that are not computed.
+
+    Args:
+        replay: how the graph runs.
+        changes: (where it is written, node) of each change.
+    """
+    return [
+        f"{place}: '{node}' is not computed, its streams come from the recording; "
+        f"--from {node} computes it anew"
+        for place, node in changes
+        if node not in replay.computed
+    ]
+
+
 def recorded_graph(recording: Recording) -> Graph | None:
     """Return the graph in a recording; None if there is none, or it does not check here."""
     try:

@@ -6,7 +6,7 @@ import datetime
 import json
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
@@ -44,6 +44,7 @@ def run(
     progress: Progress = lambda plan, t: None,
     command: Sequence[str] = (),
     about: Mapping[str, str] = MappingProxyType({}),
+    collect: Collection[Wire] = (),
 ) -> Summary:
     """Run a graph to its end.
 
@@ -55,6 +56,7 @@ def run(
         progress: called about ten times a second.
         command: arguments of the command line, kept in the recording.
         about: what else is kept in the recording's provenance.
+        collect: streams whose last message is kept as a score is, whatever its type.
 
     Returns:
         The summary; an error that ended the run is in it, with the recording closed.
@@ -66,7 +68,7 @@ def run(
         raise RunError(f"a duration is above 0 and below {LONGEST} s, got {duration}")
     plan = Plan(graph)
     summary = Summary(graph.name, {name: plan.nodes[name].counters for name in graph.nodes})
-    _keep_scores(plan, summary)
+    _keep_scores(plan, summary, collect)
     watch = _Watch(plan, progress)
     engine = Engine(
         plan,
@@ -101,12 +103,12 @@ def run(
     return summary
 
 
-def _keep_scores(plan: Plan, summary: Summary) -> None:
+def _keep_scores(plan: Plan, summary: Summary, collect: Collection[Wire]) -> None:
     for name, node in plan.nodes.items():
         for port in node.spec.outputs:
-            if not issubclass(port.type, Score):
-                continue
             wire = Wire(name, port.name)
+            if not issubclass(port.type, Score) and wire not in collect:
+                continue
 
             def keep(message: Message, key: str = str(wire)) -> None:
                 summary.scores[key] = message[-1] if message.is_block else message

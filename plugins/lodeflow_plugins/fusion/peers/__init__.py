@@ -1,0 +1,1 @@
+"""Filters of other packages as nodes, in the place of `chu_fuser`; they need the extra `peers`."""
