@@ -12,6 +12,7 @@ import threading
 from collections import deque
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from lodeflow.clock import monotonic
 from lodeflow.errors import MessageError, RecordingError
 from lodeflow.graph.model import Wire
-from lodeflow.messages.cdr import HEADER, Layout, layout_of
+from lodeflow.messages.cdr import HEADER, Layout, StreamConstants, layout_of
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
 from lodeflow.recording.columns import LOG_TOPIC
@@ -76,15 +77,27 @@ class Recorder:
         self._room = threading.Event()
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
 
-    def attach(self, plan: Plan, wires: Iterable[Wire]) -> None:
-        """Record these streams of a plan, and what its nodes log; then start writing."""
+    def attach(
+        self,
+        plan: Plan,
+        wires: Iterable[Wire],
+        constants: Mapping[Wire, StreamConstants] = MappingProxyType({}),
+    ) -> None:
+        """Record these streams of a plan, and what its nodes log; then start writing.
+
+        Args:
+            plan: what runs.
+            wires: the streams.
+            constants: frame_id and undeclared members of streams that have others than the
+                defaults of their types.
+        """
         kinds = {
             Wire(name, port.name): port.type
             for name, node in plan.nodes.items()
             for port in node.spec.outputs
         }
         for wire in wires:
-            layout = layout_of(kinds[wire])
+            layout = layout_of(kinds[wire], constants.get(wire))
             channel = self.writer.channel(topic(wire), kinds[wire].ros, schema_text(kinds[wire]))
             stream = _Stream(channel, layout)
             self.streams.append(stream)
