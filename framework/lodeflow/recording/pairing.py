@@ -187,8 +187,8 @@ class Pairing:
                 return components(spec)[at], *values, spec.unit.symbol
         constants = [read_constants(type(x), rows.payload(row)) for rows in (a, b)]
         if constants[0].frame_id != constants[1].frame_id:
-            texts = (c.frame_id.encode("utf-8", "backslashreplace").decode() for c in constants)
-            return "header.frame_id", *texts, ""
+            a_text, b_text = (c.frame_id.encode("utf-8", "backslashreplace") for c in constants)
+            return "header.frame_id", a_text.decode(), b_text.decode(), ""
         for (path, left), (_, right) in zip(*[c.values for c in constants], strict=True):
             if repr(left) != repr(right):
                 return path, left, right, ""

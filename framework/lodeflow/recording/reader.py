@@ -8,7 +8,6 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
-from mcap import records as mcap
 
 from lodeflow.errors import MessageError, RecordingError, did_you_mean
 from lodeflow.messages.cdr import StreamConstants
@@ -16,6 +15,7 @@ from lodeflow.messages.message import Message
 from lodeflow.recording.fit import decoder, encoding, kind_of, require_cdr, type_name
 from lodeflow.recording.mcap.file import McapFile, where
 from lodeflow.recording.mcap.raw import indexed, places, topics
+from lodeflow.recording.mcap.summary import ChunkPlace
 from lodeflow.recording.stream import StreamDecoder
 
 M = TypeVar("M", bound=Message)
@@ -161,9 +161,9 @@ class Recording:
     ) -> Iterator[dict[str, Message]]:
         try:
             for place in self._file.chunks:
-                if start is not None and place.message_end_time < start:
+                if start is not None and place.last < start:
                     continue
-                if end is not None and place.message_start_time >= end:
+                if end is not None and place.first >= end:
                     continue
                 found = {
                     topic: block
@@ -181,7 +181,7 @@ class Recording:
 
     def _block(
         self,
-        place: mcap.ChunkIndex,
+        place: ChunkPlace,
         topic: str,
         stream: StreamDecoder,
         start: int | None,
@@ -198,7 +198,7 @@ class Recording:
         except MessageError as error:
             raise self._damaged(topic, place, error) from error
 
-    def _damaged(self, topic: str, place: mcap.ChunkIndex, error: MessageError) -> RecordingError:
+    def _damaged(self, topic: str, place: ChunkPlace, error: MessageError) -> RecordingError:
         return self._file.error(f"'{topic}' in {where(place)}: {error}")
 
     def _known(self, topic: str) -> str:

@@ -29,8 +29,9 @@ from lodeflow.runtime.plan import Plan
 
 PERIOD = 0.1
 """Seconds between two looks of the thread into its queues."""
-CHUNK_SECONDS = 0.8
-"""Wall time after which the open chunk is closed, a look's length below the promised second."""
+CHUNK_SECONDS = 0.5
+"""Wall time after which the open chunk is closed: far enough below the promised second for a look's
+length, and for a machine that is busy."""
 BACKLOG = 64
 """Blocks that may wait to be written before the run is held back."""
 LOG_SCHEMA = (

@@ -155,7 +155,8 @@ def _dtype(primitive: str) -> np.dtype[Any]:
 def _bytes(raw: bytes, places: NDArray[Any], size: int) -> NDArray[np.uint8]:
     """Return (N, size) bytes, gathered from (N,) places."""
     anywhere = np.ndarray(len(raw) - size + 1, f"V{size}", raw, strides=(1,))
-    return anywhere[places].view(np.uint8).reshape(-1, size)
+    found: NDArray[np.uint8] = anywhere[places].view(np.uint8).reshape(-1, size)
+    return found
 
 
 def _widened(raw: bytes, places: NDArray[Any], leaf: Leaf, member: Member) -> NDArray[np.uint8]:
