@@ -46,7 +46,7 @@ def recording(tmp_path):
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_all_streams_into_a_folder(recording, tmp_path, form):
     files, unknown = export(recording, form, tmp_path / "new" / "tables")
-    assert unknown == []
+    assert unknown == {}
     assert {topic: path.name for topic, path in files.items()} == {
         "/heading": f"heading.{form}",
         "/imu": f"imu.{form}",

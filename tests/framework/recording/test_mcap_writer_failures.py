@@ -254,8 +254,8 @@ def test_a_folder_that_does_not_exist(tmp_path):
     ("options", "message"),
     [
         ({"compression": "gzip"}, "compression must be 'zstd', 'lz4' or '', not 'gzip'"),
-        ({"chunk_bytes": 0}, "chunk_bytes must be 1 to 1073741824, not 0"),
-        ({"chunk_bytes": 1 << 31}, "chunk_bytes must be 1 to 1073741824"),
+        ({"chunk_bytes": 0}, "chunk_bytes must be 1 to 16777216, not 0"),
+        ({"chunk_bytes": 1 << 31}, "chunk_bytes must be 1 to 16777216"),
     ],
 )
 def test_wrong_options_create_no_file(path, options, message):

@@ -104,7 +104,8 @@ def test_frames_of_any_length_are_read_and_counted(path, caplog):
     assert found.angular_velocity[:, 0].tolist() == list(range(45))
     (record,) = caplog.records
     assert record.getMessage() == (
-        f"{path}: '/imu': frame_id differs from that of the first message in 30 of 45 messages"
+        f"{path}: '/imu': frame_id differs from that of the first message, which is kept, in 30 of "
+        "45 messages"
     )
 
 

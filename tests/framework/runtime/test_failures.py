@@ -58,9 +58,7 @@ def test_what_a_node_sent_before_it_failed_went_on_its_way(wrong: str, speed: fl
                 raise ArithmeticError("six")
             return x.replace(t=2) if wrong == "a stamp that goes back" else x.t  # type: ignore
 
-    plan = Plan(
-        graph(s=source(ramp(10)), fails=(Fails, {"x": "s"}), behind=(Copy, {"x": "fails"}))
-    )
+    plan = Plan(graph(s=source(ramp(10)), fails=(Fails, {"x": "s"}), behind=(Copy, {"x": "fails"})))
     sent = tapped(plan, "s", "fails", "behind")
     with pytest.raises(lf.LodeflowError, match="'fails'"):
         Engine(plan, speed=speed).run()

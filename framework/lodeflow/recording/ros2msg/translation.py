@@ -120,14 +120,16 @@ def _flat(found: Struct, most: int, prefix: str = "") -> list[tuple[str, Member]
 
 def _taken(kind: type[Message], found: Struct) -> list[tuple[Leaf, Member]]:
     """Return the members of a type that a definition has, beside frame_id."""
+    frame = found.find(_FRAME)
+    if frame is None or str(frame) != "string frame_id":
+        raise MessageError(f"{found.name} has no 'std_msgs/Header header' in this file")
     taken = []
     undeclared = {path for path, _ in StreamConstants.of(kind).values}
     for leaf in leaves(definition(kind)):
         member = found.find(leaf.path)
         if leaf.path == _FRAME:
-            if member is None or str(member) != "string frame_id":
-                raise MessageError(f"{found.name} has no 'std_msgs/Header header' in this file")
-        elif member is not None and _fits(leaf, member, exact=leaf.path in undeclared):
+            continue
+        if member is not None and _fits(leaf, member, exact=leaf.path in undeclared):
             taken.append((leaf, member))
         elif leaf.path not in undeclared:
             array = "" if leaf.count is None else f"[{leaf.count}]"
