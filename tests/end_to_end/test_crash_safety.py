@@ -178,10 +178,10 @@ def test_a_killed_run_loses_at_most_its_last_second(
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system with room for one mebibyte, where it may be mounted."""
+    """A file system with room for four mebibytes, where it may be mounted."""
     folder = tmp_path / "disk"
     folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(folder)]
+    command = ["mount", "-t", "tmpfs", "-o", "size=4m", "none", str(folder)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except OSError as error:
@@ -220,7 +220,7 @@ def test_a_full_disk_ends_the_run_with_one_error_and_a_readable_recording(
     check_full(lodeflow, path, done)
 
 
-@pytest.mark.parametrize("limit", [700_000, 1_234_567])
+@pytest.mark.parametrize("limit", [2_000_000, 3_333_333])
 def test_a_limit_on_files_does_the_same(lodeflow: CommandLine, graphs: Path, limit: int) -> None:
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))  # processes inherit it

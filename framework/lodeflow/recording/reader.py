@@ -12,7 +12,7 @@ import numpy as np
 from lodeflow.errors import MessageError, RecordingError, did_you_mean
 from lodeflow.messages.cdr import StreamConstants
 from lodeflow.messages.message import Message
-from lodeflow.recording.fit import decoder, encoding, kind_of, require_cdr, type_name
+from lodeflow.recording.fit import decoder, kind_of, require_cdr, type_name
 from lodeflow.recording.mcap.file import McapFile, where
 from lodeflow.recording.mcap.raw import indexed, places, topics
 from lodeflow.recording.mcap.summary import ChunkPlace
@@ -23,17 +23,10 @@ T = TypeVar("T")
 
 
 class Topic(NamedTuple):
-    """What a recording holds of one topic.
-
-    Attributes:
-        type: name of its type, in ROS 2 files the ROS 2 name.
-        messages: how many.
-        encoding: of the messages; "cdr" in ROS 2 files.
-    """
+    """What a recording holds of one topic: the ROS 2 name of its type, and how many messages."""
 
     type: str
     messages: int
-    encoding: str = "cdr"
 
 
 class Recording:
@@ -62,7 +55,6 @@ class Recording:
             topic: Topic(
                 type_name(self._file, channels),
                 sum(self._file.counts.get(channel.id, 0) for channel in channels),
-                encoding(channels),
             )
             for topic, channels in self._channels.items()
         }

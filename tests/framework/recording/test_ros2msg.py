@@ -95,7 +95,7 @@ def fill(draw, store, described):
 
 @st.composite
 def files(draw):
-    """Return a definition and messages of it, and how to write them."""
+    """Return a store with a definition, and messages of it."""
     text = draw(definitions())
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(text, NAME))
@@ -108,7 +108,7 @@ def files(draw):
         )
         message.header = header
         messages.append(message)
-    return text, store, messages
+    return store, messages
 
 
 OPTIONS = [
@@ -134,7 +134,7 @@ def opened(path):
 @settings(max_examples=100, deadline=None)
 @given(files(), st.sampled_from(list(CompressionType)), st.sampled_from(OPTIONS))
 def test_members_are_found_wherever_they_stand(made, compression, options):
-    text, store, messages = made
+    store, messages = made
     schema = store.generate_msgdef(NAME, ros_version=2)[0].encode()
     payloads = [bytes(store.serialize_cdr(message, NAME)) for message in messages]
     with tempfile.TemporaryDirectory() as folder:
