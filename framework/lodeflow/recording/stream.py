@@ -160,12 +160,13 @@ class StreamDecoder:
         if self._first is None:
             self._first, self._first_key = constants[:1].copy(), key
         if key == self._first_key:
-            changed = {n: constants[n] != self._first[n] for n in undeclared.names or ()}
-            self._frames += int(changed.pop(_FRAME).sum())
-            if changed:
-                self._values += int(np.logical_or.reduce(list(changed.values())).sum())
+            self._frames += int((constants[_FRAME] != self._first[_FRAME]).sum())
         else:
             self._frames += len(records)
+        rest = [name for name in undeclared.names or () if name != _FRAME]
+        if rest:
+            changed = [constants[name] != self._first[name] for name in rest]
+            self._values += int(np.logical_or.reduce(changed).sum())
         return layout.decode_block(records)
 
     def _lay_out(self, record: bytes, text: int) -> tuple[Layout, np.dtype[Any]]:
@@ -211,7 +212,7 @@ def _undeclared_layout(layout: Layout, text: int) -> np.dtype[Any]:
         joined.append((start, size))
     return np.dtype(
         {
-            "names": [_FRAME, *(f"at {start}" for start, _ in joined)],
+            "names": [_FRAME, *(f"part {number}" for number in range(len(joined)))],
             "formats": [f"V{text}", *(f"V{size}" for _, size in joined)],
             "offsets": [TEXT_AT + 4, *(start for start, _ in joined)],
             "itemsize": layout.size,
