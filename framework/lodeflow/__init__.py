@@ -20,6 +20,7 @@ from lodeflow.errors import (
     RunError,
     did_you_mean,
 )
+from lodeflow.messages.cdr import StreamConstants
 from lodeflow.messages.fields import (
     GAPS,
     Array,
@@ -120,6 +121,7 @@ __all__ = [
     "Source",
     "Sparse",
     "SpecificForce",
+    "StreamConstants",
     "Tesla",
     "UInt8",
     "UInt32",

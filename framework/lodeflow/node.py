@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple, Union, get_args, get_origin, get_t
 
 from lodeflow.clock import Clock
 from lodeflow.errors import NodeError, did_you_mean
+from lodeflow.messages.cdr import StreamConstants
 from lodeflow.messages.message import Message
 from lodeflow.params import Params as BaseParams
 from lodeflow.sync import Bound, Each, Exact, Hold, Nearest, Sparse, Sync
@@ -139,6 +140,15 @@ class Source(_Plugin):
     def read(self, clock: Clock) -> Iterator[Any]:
         """Yield what there is, in the order of its stamps."""
         raise NotImplementedError
+
+    def constants(self) -> Mapping[str, StreamConstants]:
+        """Return what does not change within the streams of some ports, by port.
+
+        That is the frame_id of their headers, and ROS members that the message type does not
+        declare, such as covariances. They are written into recordings; what is left out has the
+        defaults of the type. Asked for once, before `read`.
+        """
+        return {}
 
 
 def _where(cls: type) -> str:

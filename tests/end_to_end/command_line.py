@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import io
+import logging
 import os
 import signal
 import subprocess
 import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
+
+import pytest
+
+from lodeflow.cli import main
 
 COMMAND = [sys.executable, "-W", "error", "-m", "lodeflow.cli"]
 
@@ -61,3 +68,26 @@ class CommandLine:
         path = self.folder / name
         path.write_text(text)
         return path
+
+
+class InProcess(CommandLine):
+    """The same in this process, where nothing needs to be imported and compiled again."""
+
+    def __call__(self, *arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
+        done = self.attempt(*arguments)
+        assert done.returncode == code, done.stderr
+        return done
+
+    def attempt(self, *arguments: object) -> subprocess.CompletedProcess[str]:
+        """Run to the end, whatever the exit code."""
+        words = list(map(str, arguments))
+        out, err = io.StringIO(), io.StringIO()
+        logger = logging.getLogger("lodeflow")
+        handlers = list(logger.handlers)
+        with chdir(self.folder), redirect_stdout(out), redirect_stderr(err):
+            with pytest.raises(SystemExit) as done:
+                main(words)
+            logger.handlers = handlers
+        code = done.value.code
+        assert isinstance(code, int)
+        return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())

@@ -10,7 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from command_line import CommandLine
+from command_line import CommandLine, InProcess
 
 ROOT = Path(__file__).parents[2]
 
@@ -25,3 +25,8 @@ def lodeflow(tmp_path: Path) -> Iterator[CommandLine]:
 @pytest.fixture
 def graphs() -> Path:
     return ROOT / "graphs"
+
+
+@pytest.fixture
+def quick(tmp_path: Path) -> InProcess:
+    return InProcess(tmp_path)

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import io
 import json
-import logging
 import random
 import shutil
 import signal
-import subprocess
 import time
-from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.io
 import yaml
-from command_line import CommandLine
+from command_line import CommandLine, InProcess
 from mcap.reader import make_reader
 from readers import records
 
-from lodeflow.cli import main
 from lodeflow.recording.mcap.writer import McapWriter
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
@@ -71,27 +66,6 @@ def trial(path: Path, rows: int = 2000) -> None:
             "sampling_rate": 2000 / 7,
         },
     )
-
-
-class InProcess(CommandLine):
-    """The same in this process, where nothing needs to be imported and compiled again."""
-
-    def __call__(self, *arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
-        words = list(map(str, arguments))
-        out, err = io.StringIO(), io.StringIO()
-        logger = logging.getLogger("lodeflow")
-        handlers = list(logger.handlers)
-        with chdir(self.folder), redirect_stdout(out), redirect_stderr(err):
-            with pytest.raises(SystemExit) as done:
-                main(words)
-            logger.handlers = handlers
-        assert done.value.code == code, err.getvalue()
-        return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
-
-
-@pytest.fixture
-def quick(tmp_path: Path) -> InProcess:
-    return InProcess(tmp_path)
 
 
 @pytest.fixture(scope="module")

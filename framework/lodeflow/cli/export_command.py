@@ -28,10 +28,10 @@ def command(rec: Path, form: str, out: Path, streams: tuple[str, ...], as_json: 
     """
     declare_installed()
     with Recording(rec) as recording:
-        files, unknown = export(recording, form, out, streams)
-        left_out = {topic: recording.topics[topic].type for topic in unknown if topic != LOG_TOPIC}
-    for topic, kind in left_out.items():
-        STATUS.print(f"left out {stream_of(topic)}: {kind or 'no type'} is unknown", markup=False)
+        files, left_out = export(recording, form, out, streams)
+    for topic, why in left_out.items():
+        if topic != LOG_TOPIC:
+            STATUS.print(f"left out: {why}", soft_wrap=True, markup=False)
     if as_json:
         print_json({stream_of(topic): str(path) for topic, path in files.items()})
         return

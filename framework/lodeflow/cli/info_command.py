@@ -9,10 +9,11 @@ import click
 from rich.table import Table
 from rich.text import Text
 
+from lodeflow.cli.message_types import declare_installed
 from lodeflow.cli.options import JSON
 from lodeflow.cli.output import RESULT, print_json, table
 from lodeflow.errors import RecordingError
-from lodeflow.recording.columns import stream_of
+from lodeflow.recording.columns import LOG_TOPIC, stream_of
 from lodeflow.recording.info import Info, info
 
 
@@ -25,6 +26,7 @@ def command(rec: Path, only_graph: bool, as_json: bool) -> None:
 
     A gap is a step longer than three times the median step of the stream.
     """
+    declare_installed()
     found = info(rec)
     if only_graph:
         if found.graph is None:
@@ -56,6 +58,8 @@ def streams(found: Info) -> Table:
         if stream.unordered:
             gaps = f"{gaps} {stream.unordered} not forward".lstrip()
         kind = stream.type.rpartition("/")[2]  # in full it is too wide for a terminal
+        if stream.encoding != "cdr":
+            kind = f"{kind} ({stream.encoding or 'no encoding'})"
         cells = (stream_of(topic), kind, str(stream.count), *ends, rate, gaps)
         rows.add_row(*map(Text, cells))
     return rows
@@ -64,7 +68,9 @@ def streams(found: Info) -> Table:
 def lines(found: Info) -> list[str]:
     """Return what is known beside the streams."""
     said = []
-    if found.losses is None:
+    if found.losses is None and not found.provenance:
+        said.append("losses: unknown, for it is not the recording of a run")
+    elif found.losses is None:
         said.append("losses: unknown, for the run did not write its summary")
     elif found.losses:
         said += [
@@ -78,6 +84,11 @@ def lines(found: Info) -> list[str]:
         said.append(f"mended from {found.recovery.get('source')}")
     for name, value in found.provenance.items():
         said.append(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
+    said += [
+        f"listed only: '{stream_of(topic)}' {stream.unread}"
+        for topic, stream in found.streams.items()
+        if stream.unread and topic != LOG_TOPIC
+    ]
     others = [name for name in found.attachments if name != "graph.yaml"]
     said += [f"attached: {name} ({found.attachments[name]} bytes)" for name in others]
     graph = "yes ('lodeflow info --graph' prints it)" if found.graph is not None else "no"

@@ -94,8 +94,9 @@ def _killed(checked: Checked) -> str:
     fed = checked.replay.fed
     ends = ", ".join(f"{w} t={t} ns" for w, t in last_stamps(checked.path, fed).items())
     return (
-        f"{checked.path} was not ended by its run, which was killed: the last messages of each "
-        f"stream may be missing. What was fed ends at: {ends or 'nowhere, it is empty'}"
+        f"{checked.path} was not ended by its run, which was killed or could not write: the last "
+        "messages of each stream may be missing. What was fed ends at: "
+        f"{ends or 'nowhere, it is empty'}"
     )
 
 

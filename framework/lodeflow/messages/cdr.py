@@ -16,12 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lodeflow.errors import MessageError
+from lodeflow.errors import MessageError, did_you_mean
 from lodeflow.messages.fields import INTEGER_RANGES
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import PRIMITIVES, Leaf, definition, leaves
 
 HEADER = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little endian
+TEXT_AT = len(HEADER) + 8  # frame_id in a record, behind the stamp: its length, then its bytes
+LONGEST_FRAME = 1 << 12
+"""Bytes of a frame_id that are read; a layout is compiled for each length."""
 NANOSECONDS = 1_000_000_000
 FIRST_STAMP, LAST_STAMP = -(2**31) * NANOSECONDS, 2**31 * NANOSECONDS - 1
 """Stamps that fit builtin_interfaces/Time (int32 seconds)."""
@@ -32,7 +35,7 @@ class StreamConstants:
     """What does not change within a stream.
 
     Attributes:
-        frame_id: coordinate frame named in each header.
+        frame_id: coordinate frame named in each header; bytes that are no UTF-8 are surrogates.
         values: ROS members that the message type does not declare, as (path, value) pairs.
     """
 
@@ -207,6 +210,28 @@ def _layout(kind: type[Message], constants: StreamConstants | None, spelled: str
     return Layout(kind, constants or StreamConstants.of(kind))
 
 
+def complete_constants(kind: type[Message], constants: StreamConstants) -> StreamConstants:
+    """Return constants with the type's defaults for all members that are not given.
+
+    Raises:
+        MessageError: the type has no such member, or it is declared; or a value does not fit.
+    """
+    known = dict(StreamConstants.of(kind).values)
+    for path, _ in constants.values:
+        if path not in known:
+            raise MessageError(
+                f"{kind.__name__} has no undeclared member '{path}'{did_you_mean(path, known)}"
+            )
+    complete = StreamConstants(
+        constants.frame_id, tuple({**known, **dict(constants.values)}.items())
+    )
+    try:
+        layout_of(kind, complete)
+    except (struct.error, TypeError, AttributeError) as error:
+        raise MessageError(f"{constants} does not fit {kind.ros}: {error}") from error
+    return complete
+
+
 def read_constants(kind: type[Message], record: bytes) -> StreamConstants:
     """Return the stream constants that a record was written with.
 
@@ -249,7 +274,7 @@ def _read(leaf: Leaf, record: bytes, at: int, name: str) -> tuple[int, Any]:
             text = record[at + 4 : at + 4 + length]
             if len(text) != length:
                 raise MessageError(f"{name}: truncated at {leaf.path}")
-            return at + 4 + length, text.removesuffix(b"\0").decode("utf-8", "replace")
+            return at + 4 + length, text.removesuffix(b"\0").decode("utf-8", "surrogateescape")
         size, code = PRIMITIVES[leaf.type]
         at = _align(at, size)
         found = struct.unpack_from(f"<{leaf.count or 1}{code}", record, at)
@@ -265,7 +290,7 @@ def _place(kind: type[Message], constants: StreamConstants) -> tuple[bytes, dict
     offsets: dict[str, int] = {}
     for leaf in leaves(definition(kind)):
         if leaf.type == "string":
-            text = constants.frame_id.encode() + b"\0"
+            text = constants.frame_id.encode("utf-8", "surrogateescape") + b"\0"
             out += bytes(_align(len(out), 4) - len(out))
             out += struct.pack("<I", len(text)) + text
             continue

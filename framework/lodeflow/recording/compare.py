@@ -14,19 +14,16 @@ from pathlib import Path
 from mcap import records as mcap
 
 from lodeflow.errors import MessageError, RecordingError, did_you_mean
-from lodeflow.messages import vocabulary as bundled  # noqa: F401 (declares the bundled types)
-from lodeflow.messages.message import Message, by_ros_name
+from lodeflow.messages.message import Message
 from lodeflow.recording.columns import LOG_TOPIC, stream_of, topic_of
 from lodeflow.recording.comparison import Comparison, StreamComparison
+from lodeflow.recording.fit import Channels, kind_of, translated
 from lodeflow.recording.mcap.file import McapFile
 from lodeflow.recording.mcap.raw import parts, topics
 from lodeflow.recording.pairing import NotIncreasingError, Pairing
-from lodeflow.recording.stream import same_members
 
 HELD = 1 << 24
 """Bytes that may wait for their partners before a stream is put off to a pass of its own."""
-
-Channels = Sequence[mcap.Channel]
 
 
 def compare(
@@ -176,17 +173,12 @@ def _meaning(channel: mcap.Channel, schema: mcap.Schema | None) -> tuple[str, ..
 
 
 def _kind(file: McapFile, channels: Channels) -> type[Message] | None:
-    """Return the type that lodeflow has for the messages of a topic, if it has one."""
-    kinds = set()
-    for channel in channels:
-        schema = file.schemas.get(channel.schema_id)
-        kind = None if schema is None else by_ros_name.get(schema.name)
-        if kind is None or schema is None or channel.message_encoding != "cdr":
-            return None
-        if schema.encoding == "ros2msg" and not same_members(schema.data, kind):
-            return None
-        kinds.add(kind)
-    return kinds.pop() if len(kinds) == 1 else None
+    """Return the type that lodeflow has for the messages of a topic, if it has just that."""
+    try:
+        kind = kind_of(file, channels)
+    except MessageError:
+        return None
+    return None if translated(file, channels, kind) else kind
 
 
 def _tolerances(
@@ -258,6 +250,6 @@ def _notes(files: Sequence[McapFile]) -> list[str]:
 def _versions(provenance: Mapping[str, str]) -> dict[str, str]:
     try:
         found = json.loads(provenance.get("versions", "{}"))
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

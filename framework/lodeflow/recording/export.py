@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lodeflow.errors import RecordingError, did_you_mean
-from lodeflow.messages import vocabulary as bundled  # noqa: F401 (declares the bundled types)
-from lodeflow.messages.message import Message, by_ros_name
+from lodeflow.messages.message import Message
 from lodeflow.recording.columns import components, stream_of, topic_of
 from lodeflow.recording.reader import Recording
 
@@ -28,7 +27,7 @@ Write = Callable[[Sequence[NDArray[Any]]], None]
 
 def export(
     recording: Recording, form: str, out: Path, streams: Sequence[str] = ()
-) -> tuple[dict[str, Path], list[str]]:
+) -> tuple[dict[str, Path], dict[str, str]]:
     """Write streams into tables: `t_ns`, then a column per component, its unit in the header.
 
     One block at a time is in memory, for Parquet one row group.
@@ -41,10 +40,10 @@ def export(
         streams: names as in a graph, or topics; all that can be read if none are given.
 
     Returns:
-        The file of each topic, and the topics that were left out because their type is unknown.
+        The file of each topic, and why topics that cannot be read were left out.
 
     Raises:
-        RecordingError: a stream is unknown or its type is, a file exists or cannot be written,
+        RecordingError: a stream is unknown or cannot be read, a file exists or cannot be written,
             the recording is damaged, or the package for Parquet is missing.
     """
     openers = {"csv": _csv, "parquet": _parquet}
@@ -61,22 +60,24 @@ def export(
                 f"{did_you_mean(stream_of(topic), map(stream_of, topics))} "
                 f"(streams: {', '.join(map(stream_of, topics)) or 'none'})"
             )
-    unknown = [topic for topic in wanted if topics[topic].type not in by_ros_name]
-    if unknown and streams:
-        raise RecordingError(
-            f"{recording.path}: '{stream_of(unknown[0])}' holds "
-            f"{topics[unknown[0]].type or 'messages without a type'}, which lodeflow does not know"
-        )
-    wanted = [topic for topic in wanted if topic not in unknown]
-    single = len(wanted) == 1 and bool(streams) and out.suffix == f".{form}"
-    files = {topic: out if single else out / f"{_file_name(topic)}.{form}" for topic in wanted}
+    kinds: dict[str, type[Message]] = {}
+    left_out: dict[str, str] = {}
+    for topic in wanted:
+        try:
+            kinds[topic] = recording.kind(topic)
+        except RecordingError as error:
+            if streams:
+                raise
+            left_out[topic] = str(error).removeprefix(f"{recording.path}: ")
+    single = len(kinds) == 1 and bool(streams) and out.suffix == f".{form}"
+    files = {topic: out if single else out / f"{_file_name(topic)}.{form}" for topic in kinds}
     for path in files.values():
         if path.exists():
             raise RecordingError(f"{path}: exists; remove it or choose another place")
     try:
         (out.parent if single else out).mkdir(parents=True, exist_ok=True)
         for topic, path in files.items():
-            kind = by_ros_name[topics[topic].type]
+            kind = kinds[topic]
             blocks = recording.stream(topic, kind)
             with openers[form](path, kind) as write:
                 for block in blocks:
@@ -85,7 +86,7 @@ def export(
         raise RecordingError(
             f"{error.filename or out}: cannot be written: {error.strerror}"
         ) from error
-    return files, unknown
+    return files, left_out
 
 
 def headers(kind: type[Message]) -> list[str]:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lodeflow.errors import MessageError
+from lodeflow.recording.fit import Channels, encoding, kind_of, type_name
 from lodeflow.recording.mcap.file import McapFile
 from lodeflow.recording.mcap.raw import parts, topics
 
@@ -23,8 +25,10 @@ class StreamInfo:
     """One stream.
 
     Attributes:
-        type: ROS 2 name of its type.
+        type: name of its type, in ROS 2 files the ROS 2 name.
         count: messages.
+        encoding: of the messages; "cdr" in ROS 2 files.
+        unread: why no message type of lodeflow reads it; "" if one does.
         first: stamp of the first, ns; None without messages.
         last: stamp of the last, ns; None without messages.
         gaps: steps longer than three times the median step.
@@ -34,6 +38,8 @@ class StreamInfo:
 
     type: str
     count: int
+    encoding: str = "cdr"
+    unread: str = ""
     first: int | None = None
     last: int | None = None
     gaps: int = 0
@@ -116,13 +122,20 @@ def info(path: str | Path) -> Info:
         for chunk in parts(file, wanted):
             for topic, part in chunk.items():
                 steps[topic].add(part.entries["log_time"].astype(np.int64))
-        for topic, ids in wanted.items():
-            kinds = (file.schemas.get(channel.schema_id) for channel in channels[topic])
-            names = " | ".join(dict.fromkeys(kind.name for kind in kinds if kind is not None))
-            stream = StreamInfo(names, sum(file.counts.get(id_, 0) for id_ in ids))
-            steps[topic].report(stream)
-            found.streams[topic] = stream
+        for topic in wanted:
+            found.streams[topic] = _stream(file, channels[topic])
+            steps[topic].report(found.streams[topic])
     return found
+
+
+def _stream(file: McapFile, channels: Channels) -> StreamInfo:
+    count = sum(file.counts.get(channel.id, 0) for channel in channels)
+    stream = StreamInfo(type_name(file, channels), count, encoding(channels))
+    try:
+        kind_of(file, channels)
+    except MessageError as error:
+        stream.unread = str(error)
+    return stream
 
 
 def _metadata(file: McapFile, name: str) -> dict[str, str]:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lodeflow.errors import MessageError
-from lodeflow.messages.cdr import StreamConstants, layout_of, read_constants
+from lodeflow.messages.cdr import TEXT_AT, StreamConstants, layout_of, read_constants
 from lodeflow.messages.message import Message
 from lodeflow.recording.columns import components
 from lodeflow.recording.comparison import Difference, Largest, StreamComparison
 from lodeflow.recording.mcap.raw import Rows
-from lodeflow.recording.stream import TEXT_AT, StreamDecoder
+from lodeflow.recording.stream import StreamDecoder
 from lodeflow.sync import NEVER
 
 
@@ -187,7 +187,8 @@ class Pairing:
                 return components(spec)[at], *values, spec.unit.symbol
         constants = [read_constants(type(x), rows.payload(row)) for rows in (a, b)]
         if constants[0].frame_id != constants[1].frame_id:
-            return "header.frame_id", constants[0].frame_id, constants[1].frame_id, ""
+            a_text, b_text = (c.frame_id.encode("utf-8", "backslashreplace") for c in constants)
+            return "header.frame_id", a_text.decode(), b_text.decode(), ""
         for (path, left), (_, right) in zip(*[c.values for c in constants], strict=True):
             if repr(left) != repr(right):
                 return path, left, right, ""

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
-from mcap import records as mcap
 
-from lodeflow.errors import MessageError, did_you_mean
+from lodeflow.errors import MessageError, RecordingError, did_you_mean
+from lodeflow.messages.cdr import StreamConstants
 from lodeflow.messages.message import Message
+from lodeflow.recording.fit import decoder, kind_of, require_cdr, type_name
 from lodeflow.recording.mcap.file import McapFile, where
-from lodeflow.recording.mcap.raw import indexed, topics
-from lodeflow.recording.stream import StreamDecoder, same_members
+from lodeflow.recording.mcap.raw import indexed, places, topics
+from lodeflow.recording.mcap.summary import ChunkPlace
+from lodeflow.recording.stream import StreamDecoder
 
 M = TypeVar("M", bound=Message)
+T = TypeVar("T")
 
 
 class Topic(NamedTuple):
@@ -50,7 +53,7 @@ class Recording:
         self._channels = topics(self._file)
         self.topics: Mapping[str, Topic] = {
             topic: Topic(
-                " | ".join(dict.fromkeys(self._schema(channel).name for channel in channels)),
+                type_name(self._file, channels),
                 sum(self._file.counts.get(channel.id, 0) for channel in channels),
             )
             for topic, channels in self._channels.items()
@@ -87,6 +90,34 @@ class Recording:
         """
         return self._file.read_attachment(name)
 
+    def kind(self, topic: str) -> type[Message]:
+        """Return the declared message type that a topic can be read as.
+
+        Raises:
+            RecordingError: a topic is unknown, or there is no such type; says why.
+        """
+        return self._of_topic(self._known(topic), kind_of)
+
+    def constants(self, topic: str, kind: type[Message]) -> StreamConstants | None:
+        """Return the frame_id of a topic, and the values of members that its type does not declare.
+
+        They are those of the first message; None without messages.
+
+        Raises:
+            RecordingError: as `blocks`.
+        """
+        stream = self._decoder(topic, kind)
+        for place in self._file.chunks:
+            _, entries, channels = indexed(self._file, place, stream.channels)
+            if len(entries):
+                try:
+                    raw = self._file.chunk(place)
+                    starts, sizes = places(raw, entries[:1], channels[:1])
+                    return stream.constants(raw, int(starts[0]), int(sizes[0]))
+                except MessageError as error:
+                    raise self._damaged(topic, place, error) from error
+        return None
+
     def blocks(
         self,
         wanted: Mapping[str, type[Message]],
@@ -122,9 +153,9 @@ class Recording:
     ) -> Iterator[dict[str, Message]]:
         try:
             for place in self._file.chunks:
-                if start is not None and place.message_end_time < start:
+                if start is not None and place.last < start:
                     continue
-                if end is not None and place.message_start_time >= end:
+                if end is not None and place.first >= end:
                     continue
                 found = {
                     topic: block
@@ -142,7 +173,7 @@ class Recording:
 
     def _block(
         self,
-        place: mcap.ChunkIndex,
+        place: ChunkPlace,
         topic: str,
         stream: StreamDecoder,
         start: int | None,
@@ -157,14 +188,21 @@ class Recording:
         try:
             return stream.decode(self._file.chunk(place), entries[first:last], channels[first:last])
         except MessageError as error:
-            raise self._file.error(f"'{topic}' in {where(place)}: {error}") from error
+            raise self._damaged(topic, place, error) from error
 
-    def _decoder(self, topic: str, kind: type[Message]) -> StreamDecoder:
+    def _damaged(self, topic: str, place: ChunkPlace, error: MessageError) -> RecordingError:
+        return self._file.error(f"'{topic}' in {where(place)}: {error}")
+
+    def _known(self, topic: str) -> str:
         if topic not in self.topics:
             listed = ", ".join(f"{name} ({found.type})" for name, found in self.topics.items())
             raise self._file.error(
                 f"no topic '{topic}'{did_you_mean(topic, self.topics)} (topics: {listed or 'none'})"
             )
+        return topic
+
+    def _decoder(self, topic: str, kind: type[Message]) -> StreamDecoder:
+        self._of_topic(self._known(topic), require_cdr)
         found = self.topics[topic].type
         if found != kind.ros:
             fits = [name for name, other in self.topics.items() if other.type == kind.ros]
@@ -172,19 +210,11 @@ class Recording:
                 f"'{topic}' holds {found or 'messages without a type'}, not {kind.ros} "
                 f"({kind.__name__}); topics with that: {', '.join(fits) or 'none'}"
             )
-        for channel in self._channels[topic]:
-            schema = self._schema(channel)
-            if channel.message_encoding != "cdr":
-                raise self._file.error(
-                    f"'{topic}' is encoded as '{channel.message_encoding}'; only 'cdr' (ROS 2) "
-                    "can be read"
-                )
-            if schema.encoding == "ros2msg" and not same_members(schema.data, kind):
-                raise self._file.error(
-                    f"'{topic}': {kind.ros} has other members in this file than in lodeflow now"
-                )
-        return StreamDecoder(kind, [channel.id for channel in self._channels[topic]])
+        return self._of_topic(topic, decoder, kind)
 
-    def _schema(self, channel: mcap.Channel) -> mcap.Schema:
-        without = mcap.Schema(id=0, data=b"", encoding="", name="")
-        return self._file.schemas.get(channel.schema_id, without)
+    def _of_topic(self, topic: str, ask: Callable[..., T], *arguments: Any) -> T:
+        """Return what is to be known of a topic; say of which one if it cannot be."""
+        try:
+            return ask(self._file, self._channels[topic], *arguments)
+        except MessageError as error:
+            raise self._file.error(f"'{topic}' {error}") from error

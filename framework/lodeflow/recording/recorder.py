@@ -12,6 +12,7 @@ import threading
 from collections import deque
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from lodeflow.clock import monotonic
 from lodeflow.errors import MessageError, RecordingError
 from lodeflow.graph.model import Wire
-from lodeflow.messages.cdr import HEADER, Layout, layout_of
+from lodeflow.messages.cdr import HEADER, Layout, StreamConstants, layout_of
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
 from lodeflow.recording.columns import LOG_TOPIC
@@ -28,10 +29,15 @@ from lodeflow.runtime.plan import Plan
 
 PERIOD = 0.1
 """Seconds between two looks of the thread into its queues."""
-CHUNK_SECONDS = 0.8
-"""Wall time after which the open chunk is closed, a look's length below the promised second."""
+CHUNK_SECONDS = 0.5
+"""Wall time after which the open chunk is closed: far enough below the promised second for a look's
+length, and for a machine that is busy."""
 BACKLOG = 64
 """Blocks that may wait to be written before the run is held back."""
+STACK = 4096
+"""Samples that are written as one block."""
+LAG = 0.7
+"""Seconds that a run of blocks may be ahead of what a kill leaves before it is held back."""
 LOG_SCHEMA = (
     "rcl_interfaces/msg/Log",
     "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n"
@@ -70,21 +76,34 @@ class Recorder:
         self.streams: list[_Stream] = []
         self.error: RecordingError | None = None
         self.reached = 0
+        self.settled = monotonic()  # what came before then is in closed chunks
         self._log = _LogStream(self)
         self._closing = False
         self._wake = threading.Event()
         self._room = threading.Event()
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
 
-    def attach(self, plan: Plan, wires: Iterable[Wire]) -> None:
-        """Record these streams of a plan, and what its nodes log; then start writing."""
+    def attach(
+        self,
+        plan: Plan,
+        wires: Iterable[Wire],
+        constants: Mapping[Wire, StreamConstants] = MappingProxyType({}),
+    ) -> None:
+        """Record these streams of a plan, and what its nodes log; then start writing.
+
+        Args:
+            plan: what runs.
+            wires: the streams.
+            constants: frame_id and undeclared members of streams that have others than the
+                defaults of their types.
+        """
         kinds = {
             Wire(name, port.name): port.type
             for name, node in plan.nodes.items()
             for port in node.spec.outputs
         }
         for wire in wires:
-            layout = layout_of(kinds[wire])
+            layout = layout_of(kinds[wire], constants.get(wire))
             channel = self.writer.channel(topic(wire), kinds[wire].ros, schema_text(kinds[wire]))
             stream = _Stream(channel, layout)
             self.streams.append(stream)
@@ -99,14 +118,20 @@ class Recorder:
             RecordingError: writing has failed.
         """
         self.reached = max(self.reached, reached)
-        while self.error is None and any(len(s.queue) > BACKLOG for s in self.streams):
-            if not any(s.holds_blocks for s in self.streams):
-                break  # single samples come at a pace; they are written by the clock
+        while self.error is None and self._is_behind():
             self._room.clear()
             self._wake.set()
             self._room.wait(PERIOD)
         if self.error is not None:
             raise self.error
+
+    def _is_behind(self) -> bool:
+        """Whether too much waits; single samples come at a pace, and are written by the clock."""
+        if not any(stream.holds_blocks for stream in self.streams):
+            return False
+        return monotonic() - self.settled > LAG or any(
+            len(stream.queue) > BACKLOG for stream in self.streams
+        )
 
     def close(self, summary: Mapping[str, str]) -> None:
         """Write what is left, a summary of the run, and the end of the file.
@@ -132,16 +157,16 @@ class Recorder:
             raise self.error
 
     def _work(self) -> None:
-        closed = monotonic()
         try:
             while not self._closing:
                 self._wake.wait(PERIOD)
                 self._wake.clear()
+                begun = monotonic()
                 self._drain()
-                self._room.set()
-                if monotonic() - closed >= CHUNK_SECONDS:
+                if begun - self.settled >= CHUNK_SECONDS:
                     self.writer.flush_chunk()
-                    closed = monotonic()
+                    self.settled = begun
+                self._room.set()
         except Exception as error:  # raised again on the run's own thread
             self.error = self._as_recording_error(error)
             self._room.set()
@@ -155,11 +180,16 @@ class Recorder:
         return found
 
     def _drain(self) -> None:
-        """Write all that waits."""
-        for stream in self.streams:
-            while block := stream.take():
-                records = stream.layout.encode_block(block)
-                self.writer.write(stream.channel, block.t, records)
+        """Write all that waits now, the streams in turn, so that none is ahead of the others."""
+        left = {stream: len(stream.queue) for stream in self.streams}
+        while left:
+            for stream, count in list(left.items()):
+                if not count:
+                    del left[stream]
+                    continue
+                block, taken = stream.take(count)
+                left[stream] -= taken
+                self.writer.write(stream.channel, block.t, stream.layout.encode_block(block))
                 self._room.set()
         self._log.write()
 
@@ -180,14 +210,14 @@ class _Stream:
         except IndexError:
             return False
 
-    def take(self, most: int = 4096) -> Message | None:
-        """Return the next messages as one block, or None."""
+    def take(self, most: int) -> tuple[Message, int]:
+        """Return the next of `most` messages that wait as one block, and how many they were."""
+        if self.queue[0].is_block:
+            return self.queue.popleft(), 1
         samples: list[Message] = []
-        while self.queue and len(samples) < most:
-            if self.queue[0].is_block:
-                return self.layout.kind.stack(samples) if samples else self.queue.popleft()
+        while len(samples) < min(most, STACK) and not self.queue[0].is_block:
             samples.append(self.queue.popleft())
-        return self.layout.kind.stack(samples) if samples else None
+        return self.layout.kind.stack(samples), len(samples)
 
 
 class _LogStream(logging.Handler):

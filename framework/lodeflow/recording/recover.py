@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import struct
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
@@ -15,7 +13,6 @@ from typing import Any, BinaryIO, TypeVar
 import numpy as np
 from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from numpy.typing import NDArray
 
 from lodeflow.errors import RecordingError
@@ -23,7 +20,8 @@ from lodeflow.recording.mcap.file import McapFile
 from lodeflow.recording.mcap.records import INDEX_LAYOUT, MAGIC, Op
 from lodeflow.recording.mcap.rewriter import McapRewriter
 from lodeflow.recording.mcap.scan import Item, Scan
-from lodeflow.recording.mcap.unpack import UnpackError, unpack
+from lodeflow.recording.mcap.summary import DEFECTS, parsed
+from lodeflow.recording.mcap.unpack import UnpackError, largest_chunk, unpack
 from lodeflow.recording.mcap.walk import equal, filtered, tiles, walked
 from lodeflow.recording.recovery import Damage, Recovery
 
@@ -31,8 +29,6 @@ R = TypeVar("R")
 
 LOOSE = 1 << 20
 """Bytes of messages outside of chunks that are put into one."""
-
-_DEFECTS = (McapError, struct.error, ValueError, OverflowError)
 
 
 def recover(source: str | Path, out: str | Path | None = None) -> Recovery:
@@ -259,7 +255,7 @@ class _Copy:
             if (len(body) - 6) % INDEX_LAYOUT.itemsize == 0
         ]
         try:
-            chunk = unpack(self._scan.body(item))
+            chunk = unpack(self._scan.body(item), largest_chunk(self._scan.size))
         except UnpackError as error:
             if not error.damaged:
                 raise RecordingError(
@@ -320,6 +316,6 @@ class _Copy:
 
 def _parsed(read: Callable[[ReadDataStream], R], body: bytes) -> R | None:
     try:
-        return read(ReadDataStream(io.BytesIO(body)))
-    except _DEFECTS:
+        return parsed(read, body)
+    except DEFECTS:
         return None

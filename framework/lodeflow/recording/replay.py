@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from lodeflow.clock import Clock
 from lodeflow.errors import GraphError, LodeflowError, RecordingError, did_you_mean
 from lodeflow.graph import Edge, Graph, GraphNode, Record, Wire, edges, load_graph_text
+from lodeflow.messages.cdr import StreamConstants
 from lodeflow.messages.message import Message
 from lodeflow.node import Source
 from lodeflow.params import Params
@@ -18,7 +19,7 @@ from lodeflow.recording.mcap.file import McapFile
 from lodeflow.recording.mcap.raw import topics
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
-from lodeflow.recording.source import aligned
+from lodeflow.recording.source import aligned, recorded_constants
 from lodeflow.runtime.feed import Fed, Intake
 from lodeflow.runtime.plan import PlanNode
 
@@ -166,9 +167,9 @@ def last_stamps(path: Path, wires: Iterable[Wire]) -> dict[Wire, int]:
 def _summary(recording: Recording) -> Mapping[str, Any] | None:
     try:
         found: Mapping[str, Any] = json.loads(recording.metadata("lodeflow.summary")["summary"])
-    except (RecordingError, KeyError, ValueError):
+    except (RecordingError, KeyError, ValueError, RecursionError):
         return None
-    return found
+    return found if isinstance(found, dict) else None
 
 
 def _unknown(graph: Graph, start: Iterable[str]) -> list[str]:
@@ -271,8 +272,13 @@ def _fed(node: GraphNode, wires: Iterable[Wire], file: Path) -> GraphNode:
             for blocks in aligned(streams):
                 yield yielded(*[blocks.get(port) for port in kinds])
 
+    def constants(self: Source) -> dict[str, StreamConstants]:
+        topics = {port: (name, kinds[port]) for port, name in self.params.topics.items()}
+        return recorded_constants(self.params.file, topics)
+
     read.__annotations__["return"] = Iterator[yielded]
-    made = type("RecordedStreams", (Fed,), {"Params": FedParams, "read": read})
+    body = {"Params": FedParams, "read": read, "constants": constants}
+    made = type("RecordedStreams", (Fed,), body)
     params = FedParams(file=file, topics={wire.port: topic(wire) for wire in wires})
     return GraphNode(node.name, node.use, made, params)
 

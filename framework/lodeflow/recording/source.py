@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from lodeflow.clock import Clock
+from lodeflow.messages.cdr import StreamConstants
 from lodeflow.messages.message import Message
 from lodeflow.messages.vocabulary import AttitudeTruth, Imu, MagneticField
 from lodeflow.node import Source
@@ -45,13 +46,40 @@ class RecordedSensors(Source):
         """Yield the measurements, aligned in time."""
         with Recording(self.params.file) as recording:
             streams: dict[str, Iterator[Message]] = {
-                port.name: recording.stream(topic, port.type)
-                for port in self.spec.outputs
-                if (topic := getattr(self.params, port.name)) is not None
+                port: recording.stream(topic, kind)
+                for port, (topic, kind) in self._topics().items()
             }
             silent = dict.fromkeys(Sensors._fields)
             for blocks in aligned(streams):
                 yield Sensors(**{**silent, **blocks})
+
+    def constants(self) -> Mapping[str, StreamConstants]:
+        """Return what the first message of each topic has."""
+        return recorded_constants(self.params.file, self._topics())
+
+    def _topics(self) -> dict[str, tuple[str, type[Message]]]:
+        return {
+            port.name: (topic, port.type)
+            for port in self.spec.outputs
+            if (topic := getattr(self.params, port.name)) is not None
+        }
+
+
+def recorded_constants(
+    path: Path, topics: Mapping[str, tuple[str, type[Message]]]
+) -> dict[str, StreamConstants]:
+    """Return what does not change within some streams of a recording, by port.
+
+    Args:
+        path: the recording.
+        topics: topic and type of each port.
+
+    Raises:
+        RecordingError: the file or a topic cannot be read.
+    """
+    with Recording(path) as recording:
+        found = {port: recording.constants(*topic) for port, topic in topics.items()}
+    return {port: constants for port, constants in found.items() if constants is not None}
 
 
 def aligned(streams: Mapping[str, Iterator[Message]]) -> Iterator[dict[str, Any]]:

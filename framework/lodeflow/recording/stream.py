@@ -9,14 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lodeflow.errors import MessageError
-from lodeflow.messages.cdr import HEADER, Layout, StreamConstants, layout_of, read_constants
+from lodeflow.messages.cdr import (
+    HEADER,
+    LONGEST_FRAME,
+    TEXT_AT,
+    Layout,
+    StreamConstants,
+    layout_of,
+    read_constants,
+)
 from lodeflow.messages.message import Message
-from lodeflow.messages.ros import PRIMITIVES, definition, full_name, leaves, members
+from lodeflow.messages.ros import PRIMITIVES, definition, leaves
 from lodeflow.recording.mcap.raw import numbers_at, places
+from lodeflow.recording.ros2msg.translation import Translation
 from lodeflow.sync import NEVER
 
-TEXT_AT = len(HEADER) + 8  # frame_id in a record, behind the stamp: its length, then its bytes
 _FRAME = "frame_id"
+MOST_LAYOUTS = 64
+"""Lengths of frame_id whose layouts are kept at hand."""
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +35,13 @@ class StreamDecoder:
     """Decodes the messages of one topic, chunk after chunk.
 
     Where a record ends and its members stand depends on the length of frame_id alone, so that
-    records of one length of frame_id are one gather and one block.
+    records of one length of frame_id are one gather and one block. Records that a file defines
+    with other members are first translated into such.
+
+    Args:
+        kind: type of the messages.
+        channels: ids of the channels of the topic.
+        translation: how their records become those of the type; None if they are.
 
     Attributes:
         kind: type of the messages.
@@ -33,10 +49,13 @@ class StreamDecoder:
         count: messages decoded.
     """
 
-    def __init__(self, kind: type[Message], channels: list[int]) -> None:
+    def __init__(
+        self, kind: type[Message], channels: list[int], translation: Translation | None = None
+    ) -> None:
         self.kind = kind
         self.channels = channels
         self.count = 0
+        self._translation = translation
         self._last = NEVER
         self._layouts: dict[tuple[int, int], tuple[Layout, np.dtype[Any]]] = {}
         self._first: NDArray[Any] | None = None  # the constants of the first record
@@ -71,24 +90,46 @@ class StreamDecoder:
         Raises:
             MessageError: a payload is none of this type.
         """
-        if sizes.min() < TEXT_AT + 4:
-            raise MessageError("a message is cut off")
+        raw, starts, sizes = self._translated(raw, starts, sizes)
         texts = numbers_at(raw, TEXT_AT, "<u4")[starts]
         if (sizes == sizes[0]).all() and (texts == texts[0]).all():
             return self._columns(raw, starts, (int(sizes[0]), int(texts[0])))
         return self._mixed(raw, starts, np.stack([sizes, texts], axis=1))
 
+    def constants(self, raw: bytes, start: int, size: int) -> StreamConstants:
+        """Return the frame_id of one payload, and the members that the type does not declare.
+
+        Raises:
+            MessageError: the payload is none of this type.
+        """
+        place = np.array([start]), np.array([size])
+        raw, starts, sizes = self._translated(raw, *place)
+        record = raw[starts[0] : starts[0] + sizes[0]]
+        self._lay_out(record, int.from_bytes(record[TEXT_AT : TEXT_AT + 4], "little"))
+        return read_constants(self.kind, record)
+
+    def _translated(
+        self, raw: bytes, starts: NDArray[np.int64], sizes: NDArray[np.int64]
+    ) -> tuple[bytes, NDArray[np.int64], NDArray[np.int64]]:
+        """Return payloads in the layout of the type."""
+        if sizes.min() < TEXT_AT + 4:
+            raise MessageError("a message is cut off")
+        if self._translation is None:
+            return raw, starts, sizes
+        return self._translation.records(raw, starts, sizes)
+
     def warn(self, where: str) -> None:
         """Log how many messages differ from the first in what a stream keeps but once."""
         if self._frames:
             log.warning(
-                "%s: frame_id differs from that of the first message in %d of %d messages",
+                "%s: frame_id differs from that of the first message, which is kept, in %d of %d "
+                "messages",
                 where, self._frames, self.count,
             )  # fmt: skip
         if self._values:
             log.warning(
                 "%s: members that %s does not declare differ from those of the first message in "
-                "%d of %d messages, and are not kept",
+                "%d of %d messages; only those of the first are kept",
                 where, self.kind.__name__, self._values, self.count,
             )  # fmt: skip
 
@@ -111,18 +152,21 @@ class StreamDecoder:
         if not (records[:, : len(HEADER)] == np.frombuffer(HEADER, np.uint8)).all():
             raise MessageError("a message is not plain little-endian CDR")
         if key not in self._layouts:
+            if len(self._layouts) == MOST_LAYOUTS:
+                self._layouts.clear()
             self._layouts[key] = self._lay_out(records[0].tobytes(), text)
         layout, undeclared = self._layouts[key]
         constants = records.view(undeclared)[:, 0]
         if self._first is None:
             self._first, self._first_key = constants[:1].copy(), key
         if key == self._first_key:
-            changed = {n: constants[n] != self._first[n] for n in undeclared.names or ()}
-            self._frames += int(changed.pop(_FRAME).sum())
-            if changed:
-                self._values += int(np.logical_or.reduce(list(changed.values())).sum())
+            self._frames += int((constants[_FRAME] != self._first[_FRAME]).sum())
         else:
             self._frames += len(records)
+        rest = [name for name in undeclared.names or () if name != _FRAME]
+        if rest:
+            changed = [constants[name] != self._first[name] for name in rest]
+            self._values += int(np.logical_or.reduce(changed).sum())
         return layout.decode_block(records)
 
     def _lay_out(self, record: bytes, text: int) -> tuple[Layout, np.dtype[Any]]:
@@ -130,6 +174,8 @@ class StreamDecoder:
         read_constants(self.kind, record)  # raises if the record is none of this type
         if not text:
             raise MessageError("frame_id has no terminating zero byte")
+        if text > LONGEST_FRAME:
+            raise MessageError(f"frame_id has {text} bytes; at most {LONGEST_FRAME} are read")
         # Any text of that length will do: nothing is encoded with this layout.
         layout = layout_of(self.kind, StreamConstants("?" * (text - 1)))
         return layout, _undeclared_layout(layout, text)
@@ -151,22 +197,6 @@ class StreamDecoder:
         return block
 
 
-def same_members(schema: bytes, kind: type[Message]) -> bool:
-    """Return whether a recorded `ros2msg` definition has the members of a type, in its order."""
-    top = schema.decode("utf-8", "replace").partition("=" * 80)[0]
-    try:
-        return _members(top) == _members(definition(kind))
-    except MessageError:
-        return False
-
-
-def _members(text: str) -> list[tuple[str, int | None, str]]:
-    return [
-        (name if name in PRIMITIVES or name == "string" else full_name(name), count, member)
-        for name, count, member in members(text)
-    ]
-
-
 def _undeclared_layout(layout: Layout, text: int) -> np.dtype[Any]:
     """Return where frame_id and the undeclared members of a record stand, as bytes."""
     undeclared = {path for path, _ in StreamConstants.of(layout.kind).values}
@@ -182,7 +212,7 @@ def _undeclared_layout(layout: Layout, text: int) -> np.dtype[Any]:
         joined.append((start, size))
     return np.dtype(
         {
-            "names": [_FRAME, *(f"at {start}" for start, _ in joined)],
+            "names": [_FRAME, *(f"part {number}" for number in range(len(joined)))],
             "formats": [f"V{text}", *(f"V{size}" for _, size in joined)],
             "offsets": [TEXT_AT + 4, *(start for start, _ in joined)],
             "itemsize": layout.size,

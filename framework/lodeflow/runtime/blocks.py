@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lodeflow.errors import MessageError
+from lodeflow.errors import ContractError, LodeflowError, MessageError
 from lodeflow.graph.model import Wire
 from lodeflow.node import InputPort, OutputPort
 from lodeflow.runtime.align import Column, GateColumn, Rows, join_rows, make_aligner
@@ -91,10 +91,13 @@ class BlockNode:
             self.aligner = make_aligner(node.sync, list(self.columns.values()), names, node.lead)
         self.pending: list[Rows] = []
         self.last_row = NEVER
+        self.failure: LodeflowError | None = None
 
     def run(self) -> None:
-        """Do all that the bounds decide now."""
+        """Do all that the bounds decide now; nothing more once the node has failed."""
         self.dirty = False
+        if self.failure is not None:
+            return
         rows, floor = self._gated(self.aligner.take())
         self.node.counters.unmatched, self.aligner.unmatched = (
             self.node.counters.unmatched + self.aligner.unmatched,
@@ -102,6 +105,8 @@ class BlockNode:
         )
         if len(rows.t):
             self._step(rows)
+            if self.failure is not None:
+                return
         for output in self.outputs:
             if self.node.promises_freely(output.port):
                 output.promise(floor)
@@ -138,10 +143,10 @@ class BlockNode:
             next(columns) if port.name in self.node.wires else self._unwired(port, rows)
             for port in self.node.spec.inputs
         ]
-        self.node.counters.stepped += len(rows.t)
         self.last_row = int(rows.t[-1])
         plugin: Any = self.node.plugin
         if self.node.spec.has_block:
+            self.node.counters.stepped += len(rows.t)
             try:
                 returned = plugin.step_block(*arguments)
             except RAISED as error:
@@ -174,23 +179,32 @@ class BlockNode:
         return returned
 
     def _loop(self, step: Any, arguments: list[Any], rows: Rows) -> list[Any]:
-        """Run a sample step over the rows; return a block, or None, per port that steps write."""
+        """Run a sample step over the rows; return a block, or None, per port that steps write.
+
+        If a row fails, what the rows before it sent goes on its way first, as it does live.
+        """
         collected: list[list[Any]] = [[] for _ in self.stepped]
         getters = [_row_getter(argument) for argument in arguments]
         lookback = self.node.lookback
         for index, t in enumerate(rows.t.tolist()):
             samples = [get(index) for get in getters]
+            self.node.counters.stepped += 1
             try:
                 returned = step(*samples)
+                if returned is None:
+                    continue
+                messages = self._by_port(returned)
+                for output, into, message in zip(self.stepped, collected, messages, strict=True):
+                    if message is not None:
+                        first = not into
+                        check_sample(self.node, output.port, message, t - lookback, thorough=first)
+                        into.append(message)
+            except ContractError as error:
+                self.failure = error
+                break
             except RAISED as error:
-                raise self.node.failure("step", t, error) from error
-            if returned is None:
-                continue
-            messages = self._by_port(returned)
-            for output, into, message in zip(self.stepped, collected, messages, strict=True):
-                if message is not None:
-                    check_sample(self.node, output.port, message, t - lookback, thorough=not into)
-                    into.append(message)
+                self.failure = self.node.failure("step", t, error)
+                break
         return [
             self._stack(output, samples) if samples else None
             for output, samples in zip(self.stepped, collected, strict=True)
@@ -253,6 +267,9 @@ class BlockDriver:
                 if node.dirty:
                     node.run()
                     again = True
+        for node in self.nodes:
+            if node.failure is not None:
+                raise node.failure
 
     def unfinished(self) -> list[str]:
         """Return the nodes whose inputs have not ended."""

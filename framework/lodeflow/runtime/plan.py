@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lodeflow.errors import ContractError, NodeFailure
+from lodeflow.errors import ContractError, MessageError, NodeFailure, did_you_mean
 from lodeflow.graph.model import Gate, Graph, GraphNode, Loss, Wire
 from lodeflow.graph.topology import order
+from lodeflow.messages.cdr import StreamConstants, complete_constants
 from lodeflow.messages.message import Message
 from lodeflow.node import InputPort, Node, NodeSpec, OutputPort, Source
 from lodeflow.sync import NEVER, Each, Sync
@@ -155,6 +156,19 @@ class Plan:
             for why, count in node.counters.lost.items()
         )
 
+    def constants(self) -> dict[Wire, StreamConstants]:
+        """Return what sources say does not change within their streams.
+
+        Raises:
+            NodeFailure: a source raised.
+            ContractError: it named another port, or a member that there is not.
+        """
+        return {
+            Wire(node.name, port): constants
+            for node in self.sources
+            for port, constants in _constants(node).items()
+        }
+
     def tap(self, wire: Wire, tap: Tap) -> None:
         """Let `tap` have every message of a port, from the start of the run on."""
         self.taps[wire].append(tap)
@@ -166,6 +180,25 @@ class Plan:
                 node.plugin.start()
             except RAISED as error:
                 raise node.failure("start", NEVER, error) from error
+
+
+def _constants(node: PlanNode) -> dict[str, StreamConstants]:
+    source: Any = node.plugin
+    try:
+        given = dict(source.constants())
+    except RAISED as error:
+        raise node.failure("constants", NEVER, error) from error
+    kinds = {port.name: port.type for port in node.spec.outputs}
+    found = {}
+    for port, constants in given.items():
+        try:
+            found[port] = complete_constants(kinds[port], constants)
+        except KeyError:
+            near = did_you_mean(port, kinds)
+            raise node.broken(port, f"constants of a port that there is not{near}") from None
+        except MessageError as error:
+            raise node.broken(port, f"constants: {error}") from error
+    return found
 
 
 def check_output(node: PlanNode, port: OutputPort, message: Any) -> None:

@@ -131,12 +131,13 @@ def _recorder(
         streams = graph.record.streams
     if not path:
         return None
+    constants = plan.constants()  # may fail; nothing is left behind then
     recorder = Recorder(
         Path(path),
         graph=dump(graph),
         provenance={**provenance(graph, command=command, started=begun.isoformat()), **about},
     )
-    recorder.attach(plan, tuple(graph.streams()) if streams is None else streams)
+    recorder.attach(plan, tuple(graph.streams()) if streams is None else streams, constants)
     return recorder
 
 

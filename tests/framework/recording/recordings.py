@@ -1,5 +1,6 @@
 """Small recordings to damage, and what the mcap package finds in a file."""
 
+import struct
 from random import Random
 
 import numpy as np
@@ -7,13 +8,16 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from lodeflow.messages.cdr import layout_of
+import lodeflow as lf
+from lodeflow.graph import load_graph_text
+from lodeflow.messages.cdr import StreamConstants, layout_of
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import Heading, Imu
 from lodeflow.recording.mcap.records import MAGIC, PREFIX
 from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recover import recover
+from lodeflow.supervisor.run import run
 
 
 def random_block(kind, t, seed=0):
@@ -70,6 +74,13 @@ def record(path, blocks, *, cuts=None, provenance=None, **options):
 HEADING = Heading(np.arange(0, 600, 2), np.linspace(0, 6, 300))
 IMU = Imu(np.arange(1, 201, 2), np.ones((100, 3)), np.arange(300.0).reshape(100, 3))
 WANTED = {"/heading": Heading, "/imu": Imu}
+
+
+class Forward(lf.Node):
+    """Sends what it gets."""
+
+    def step_block(self, imu: lf.Imu) -> lf.Imu:
+        return imu
 
 
 def write(path, *, compression="zstd", closed=True):
@@ -151,3 +162,32 @@ def foreign(path, **options):
             writer.add_message(channel, t, row.tobytes(), publish_time=t)
     writer.add_metadata("note", {"weather": "rain"})
     writer.finish()
+
+
+def foreign_members(path):
+    """Write IMU as others would who add members of any size to the type, with changing frames."""
+    text = schema_text(Imu).replace("=", "string[] notes\nint16[] numbers\n=", 1)
+    writer = Writer(str(path), chunk_size=4000)
+    writer.start(profile="ros2")
+    schema = writer.register_schema(Imu.ros, "ros2msg", text.encode())
+    channel = writer.register_channel("/imu", "cdr", schema)
+    for number, t in enumerate(IMU.t.tolist()):
+        layout = layout_of(Imu, StreamConstants("f" * (number % 5)))
+        data = layout.encode_block(IMU[number : number + 1])[0].tobytes()
+        # Behind the last float64 all is aligned: two strings of 3 letters, 3 numbers of 2 bytes.
+        data += struct.pack("<II4sI4sI3h", 2, 4, b"one\0", 4, b"two\0", 3, 1, 2, 3)
+        writer.add_message(channel, t, data, publish_time=t)
+    writer.finish()
+
+
+def replayable(path):
+    """Record a run of a small graph that reads another recording."""
+    source = path.with_name("source.mcap")
+    record(source, {"/imu": IMU})
+    graph = load_graph_text(
+        "lodeflow: 1\nname: small\nnodes:\n"
+        f"  s: {{use: recorded_sensors, params: {{file: {source}, imu: /imu, mag: null}}}}\n"
+        '  f: {use: "recordings:Forward", inputs: {imu: s.imu}}\n'
+    )
+    run(graph, record=str(path))
+    source.unlink()

@@ -104,7 +104,8 @@ def test_frames_of_any_length_are_read_and_counted(path, caplog):
     assert found.angular_velocity[:, 0].tolist() == list(range(45))
     (record,) = caplog.records
     assert record.getMessage() == (
-        f"{path}: '/imu': frame_id differs from that of the first message in 30 of 45 messages"
+        f"{path}: '/imu': frame_id differs from that of the first message, which is kept, in 30 of "
+        "45 messages"
     )
 
 
@@ -233,7 +234,7 @@ def test_other_encodings(path):
         file.add(file.channel("/e"), 1, ros_imu(1) + b"\0")
         file.add(file.channel("/f"), 1, ros_imu(1).replace(b"\5\0\0\0body", b"\0\0\0\0body", 1))
     for topic, message in {
-        "/a": "'/a' is encoded as 'ros1'; only 'cdr'",
+        "/a": r"'/a' is encoded as 'ros1' \(sensor_msgs/msg/Imu\); only 'cdr'",
         "/b": "'/b' in the chunk at byte .*: a message is not plain little-endian CDR",
         "/c": "truncated at",
         "/d": "a message is cut off",

@@ -28,6 +28,7 @@ class Sealed(NamedTuple):
         packed_size: bytes of its messages after compression.
         record: the chunk record.
         indexes: the message index record of each channel, in the order of channel ids.
+        counts: messages of each channel.
     """
 
     first: int
@@ -36,6 +37,7 @@ class Sealed(NamedTuple):
     packed_size: int
     record: bytes
     indexes: dict[int, bytes]
+    counts: dict[int, int]
 
 
 class Chunk:
@@ -115,6 +117,7 @@ class Chunk:
             len(packed),
             encode.chunk(first, last, len(raw), zlib.crc32(raw), self._compression, packed),
             {channel: encode.message_index(channel, index) for channel, index in indexes.items()},
+            {channel: len(index) for channel, index in indexes.items()},
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import shlex
 import struct
@@ -14,13 +13,18 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
 from lodeflow.errors import RecordingError, did_you_mean
 from lodeflow.recording.mcap.records import INDEX_LAYOUT, MAGIC, PREFIX, Op
-from lodeflow.recording.mcap.unpack import UnpackError, unpack
+from lodeflow.recording.mcap.summary import (
+    DEFECTS,
+    ChunkPlace,
+    SummaryError,
+    parsed,
+    read_summary,
+)
+from lodeflow.recording.mcap.unpack import UnpackError, largest_chunk, unpack
 
 R = TypeVar("R")
 
@@ -48,7 +52,7 @@ class McapFile:
         self.schemas: dict[int, mcap.Schema] = {}
         self.channels: list[mcap.Channel] = []
         self.counts: dict[int, int] = {}
-        self.chunks: list[mcap.ChunkIndex] = []
+        self.chunks: list[ChunkPlace] = []
         self.attachments: list[mcap.AttachmentIndex] = []
         self.metadata: list[mcap.MetadataIndex] = []
         self._last: tuple[int, bytes] = (-1, b"")
@@ -82,8 +86,8 @@ class McapFile:
     def _mend(self) -> str:
         return f"mend it with: lodeflow recover {shlex.quote(str(self.path))}"
 
-    def record(self, op: Op, offset: int) -> bytes:
-        """Return the body of the record at an offset.
+    def record(self, op: Op, offset: int, limit: int | None = None) -> bytes:
+        """Return the body of the record at an offset, that ends up to a limit.
 
         Raises:
             RecordingError: there is no whole record of that kind.
@@ -92,7 +96,7 @@ class McapFile:
         if offset + PREFIX.size > self._size:
             raise self.error(f"is cut off or damaged: {what}, beyond its end")
         found, length = PREFIX.unpack(self._bytes(offset, PREFIX.size))
-        if found != op or offset + PREFIX.size + length > self._size:
+        if found != op or offset + PREFIX.size + length > (limit or self._size):
             raise self.error(f"is damaged: {what}")
         return self._bytes(offset + PREFIX.size, length)
 
@@ -103,35 +107,39 @@ class McapFile:
             RecordingError: it is damaged.
         """
         try:
-            return read(ReadDataStream(io.BytesIO(body)))
-        except (McapError, struct.error, ValueError, OverflowError) as error:
+            return parsed(read, body)
+        except DEFECTS as error:
             raise self.error(f"is damaged: {type(error).__name__}: {error}") from error
 
-    def index(self, place: mcap.ChunkIndex, channel: int) -> NDArray[Any]:
+    def index(self, place: ChunkPlace, channel: int) -> NDArray[Any]:
         """Return log times and offsets of a channel's messages in a chunk, as INDEX_LAYOUT.
 
         Raises:
             RecordingError: the index is damaged.
         """
-        if channel not in place.message_index_offsets:
+        offset = place.index_offsets().get(channel)
+        if offset is None:
             return np.empty(0, INDEX_LAYOUT)
-        body = self.record(Op.MESSAGE_INDEX, place.message_index_offsets[channel])
+        damaged = f"the message index of {where(place)} is damaged"
+        if not place.end <= offset < place.index_end:
+            raise self.error(damaged)
+        body = self.record(Op.MESSAGE_INDEX, offset, place.index_end)
         head = struct.pack("<HI", channel, len(body) - 6) if len(body) >= 6 else b""
         if body[:6] != head or (len(body) - 6) % INDEX_LAYOUT.itemsize:
-            raise self.error(f"the message index of {where(place)} is damaged")
+            raise self.error(damaged)
         return np.frombuffer(body, INDEX_LAYOUT, offset=6)
 
-    def chunk(self, place: mcap.ChunkIndex) -> bytes:
+    def chunk(self, place: ChunkPlace) -> bytes:
         """Return the records in a chunk, decompressed; the last one is kept at hand.
 
         Raises:
             RecordingError: the chunk is damaged, or its compression is unknown.
         """
         at, raw = self._last
-        if at != place.chunk_start_offset:
+        if at != place.start:
             self._last = (-1, b"")  # never two of them in memory
             raw = self._unpack(place)
-            self._last = (place.chunk_start_offset, raw)
+            self._last = (place.start, raw)
         return raw
 
     def read_metadata(self, name: str) -> dict[str, str]:
@@ -181,10 +189,10 @@ class McapFile:
                 f"of chunks, or in chunks without a message index, cannot be read; {self._mend}"
             )
 
-    def _unpack(self, place: mcap.ChunkIndex) -> bytes:
-        body = self.record(Op.CHUNK, place.chunk_start_offset)
+    def _unpack(self, place: ChunkPlace) -> bytes:
+        body = self.record(Op.CHUNK, place.start)
         try:
-            return unpack(body).raw
+            return unpack(body, largest_chunk(self._size)).raw
         except UnpackError as error:
             raise self.error(f"{where(place)} {error}") from error
 
@@ -207,36 +215,22 @@ class McapFile:
         summary = self._bytes(start, self._size - start)
         if crc and zlib.crc32(summary[: -len(MAGIC) - 4]) != crc:
             raise self.error("is damaged: the CRC of its summary differs")
-        self._take(summary)
+        self._take(summary[: -_TAIL.size], start)
 
-    def _take(self, summary: bytes) -> None:
-        channels: dict[int, mcap.Channel] = {}
-        statistics = None
+    def _take(self, summary: bytes, start: int) -> None:
         try:
-            for record in StreamReader(io.BytesIO(summary), skip_magic=True).records:
-                match record:
-                    case mcap.Schema():
-                        self.schemas[record.id] = record
-                    case mcap.Channel():
-                        channels[record.id] = record
-                    case mcap.Statistics():
-                        statistics = record
-                    case mcap.ChunkIndex():
-                        self.chunks.append(record)
-                    case mcap.AttachmentIndex():
-                        self.attachments.append(record)
-                    case mcap.MetadataIndex():
-                        self.metadata.append(record)
-        except (McapError, struct.error, ValueError, OverflowError) as error:
-            raise self.error(f"its summary is damaged: {type(error).__name__}: {error}") from error
-        if statistics is None:
+            found = read_summary(summary, start)
+        except SummaryError as error:
+            raise self.error(f"its summary {error}") from error
+        if found.counts is None:
             raise self.error(f"its summary has no statistics; {self._mend}")
-        self.counts = statistics.channel_message_counts
-        schemas = {channel.schema_id for channel in channels.values()} - {0}
-        if not (self.counts.keys() <= channels.keys() and schemas <= self.schemas.keys()):
+        channels = {channel.id for channel in found.channels}
+        schemas = {channel.schema_id for channel in found.channels} - {0}
+        if not (found.counts.keys() <= channels and schemas <= found.schemas.keys()):
             raise self.error(f"its summary lacks channels; {self._mend}")
-        self.channels = sorted(channels.values(), key=lambda channel: channel.id)
-        self.chunks.sort(key=lambda place: place.chunk_start_offset)
+        self.schemas, self.channels, self.counts = found.schemas, found.channels, found.counts
+        self.chunks, self.attachments = found.chunks, found.attachments
+        self.metadata = found.metadata
 
     def _bytes(self, offset: int, length: int) -> bytes:
         try:
@@ -250,6 +244,6 @@ class McapFile:
         return data
 
 
-def where(place: mcap.ChunkIndex) -> str:
+def where(place: ChunkPlace) -> str:
     """Return a chunk's place in the file, in words."""
-    return f"the chunk at byte {place.chunk_start_offset}"
+    return f"the chunk at byte {place.start}"

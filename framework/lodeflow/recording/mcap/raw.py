@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lodeflow.errors import MessageError
 from lodeflow.recording.mcap.file import McapFile, where
 from lodeflow.recording.mcap.records import LOG_TIME_AT, PREFIX, Op, message_layout
+from lodeflow.recording.mcap.summary import ChunkPlace
 
 _LENGTH_AT, _CHANNEL_AT = 1, 9
 _DATA_AT = message_layout(0).itemsize
@@ -47,9 +48,20 @@ def places(
     good = good and (numbers_at(raw, LOG_TIME_AT, "<u8")[starts] == entries["log_time"]).all()
     good = good and (lengths <= len(raw) - PREFIX.size - entries["offset"]).all()
     good = good and (lengths >= _DATA_AT - PREFIX.size).all()
-    if not good:
+    if not good or _overlap(starts, starts + lengths.astype(np.int64) + PREFIX.size):
         raise MessageError("the message index is damaged")
     return starts + _DATA_AT, lengths.astype(np.int64) - (_DATA_AT - PREFIX.size)
+
+
+def _overlap(starts: NDArray[np.int64], ends: NDArray[np.int64]) -> bool:
+    """Whether messages lie over each other; an index may lead to one of them any number of times.
+
+    What is gathered is then never more than the chunk.
+    """
+    if (starts[1:] >= ends[:-1]).all():
+        return False
+    order = np.argsort(starts)
+    return bool((starts[order][1:] < ends[order][:-1]).any())
 
 
 class Rows(NamedTuple):
@@ -124,7 +136,7 @@ class RawPart(NamedTuple):
         channels: (N,) their channel ids.
     """
 
-    place: mcap.ChunkIndex
+    place: ChunkPlace
     entries: NDArray[Any]
     channels: NDArray[Any]
 
@@ -142,7 +154,7 @@ class RawPart(NamedTuple):
         return Rows.gather(self.entries["log_time"], raw, starts, sizes)
 
 
-def indexed(file: McapFile, place: mcap.ChunkIndex, channels: Sequence[int]) -> RawPart:
+def indexed(file: McapFile, place: ChunkPlace, channels: Sequence[int]) -> RawPart:
     """Return where the messages of some channels stand in a chunk.
 
     Raises:
@@ -170,9 +182,9 @@ def parts(file: McapFile, wanted: Mapping[str, Sequence[int]]) -> Iterator[dict[
     """
     counts = dict.fromkeys(wanted, 0)
     for place in file.chunks:
-        found = {}
+        found, indexes = {}, place.index_offsets()
         for topic, channels in wanted.items():
-            here = [channel for channel in channels if channel in place.message_index_offsets]
+            here = [channel for channel in channels if channel in indexes]
             if here and len((part := indexed(file, place, here)).entries):
                 found[topic] = part
                 counts[topic] += len(part.entries)

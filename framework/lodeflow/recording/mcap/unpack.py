@@ -9,8 +9,12 @@ from typing import NamedTuple
 
 import zstandard
 
+SMALL_CHUNK = 1 << 24
+"""Bytes that a chunk may have in any file; writers make chunks of 1 to 4 MiB."""
+RATIO = 5
+"""How many times its whole file a larger chunk may have; a few bytes can stand for gigabytes."""
 LARGEST_CHUNK = 1 << 30
-"""Bytes of a chunk that are taken into memory; a damaged file may ask for any number."""
+"""Bytes that no chunk may have."""
 
 _HEAD = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of a name
 _LZ4_RATIO = 256  # a byte of LZ4 stands for at most 255 bytes
@@ -46,11 +50,17 @@ class Unpacked(NamedTuple):
     tidy: bool
 
 
-def unpack(body: bytes) -> Unpacked:
+def largest_chunk(file_size: int) -> int:
+    """Return how many bytes of a chunk are taken into memory, for a file of some size."""
+    return min(max(SMALL_CHUNK, RATIO * file_size), LARGEST_CHUNK)
+
+
+def unpack(body: bytes, largest: int) -> Unpacked:
     """Return the records in a chunk.
 
     Args:
         body: the chunk record without its prefix.
+        largest: bytes that they may have; a damaged file may ask for any number.
 
     Raises:
         UnpackError: it is damaged, too large, or what unpacks it is missing.
@@ -65,8 +75,8 @@ def unpack(body: bytes) -> Unpacked:
     packed = memoryview(body)[at + 8 :]
     if len(packed) != packed_size:
         raise UnpackError("is damaged: its length differs")
-    if size > LARGEST_CHUNK:
-        raise UnpackError(f"has {size} bytes; at most {LARGEST_CHUNK} are read")
+    if size > largest:
+        raise UnpackError(f"has {size} bytes; at most {largest} are read, in a file of this size")
     try:
         raw, tidy = _decompress(compression, packed, size)
     except (zstandard.ZstdError, RuntimeError, ValueError) as error:  # lz4: RuntimeError

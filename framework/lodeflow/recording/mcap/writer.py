@@ -17,8 +17,8 @@ from lodeflow.errors import RecordingError
 from lodeflow.recording.mcap import records as encode
 from lodeflow.recording.mcap.chunk import Chunk
 from lodeflow.recording.mcap.records import MAGIC, Op
+from lodeflow.recording.mcap.unpack import SMALL_CHUNK
 
-LARGEST_CHUNK = 1 << 30  # the writer and each reader hold a chunk in memory
 MOST_CHANNELS = (1 << 16) - 1
 
 
@@ -34,7 +34,7 @@ class McapWriter:
         profile: MCAP profile; rosbags and rosbag2 read only "ros2".
         library: what wrote the file, for the header.
         compression: of the chunks; "lz4" needs the package lz4, "" stores them as they are.
-        chunk_bytes: size of a chunk before compression, 1 to 2**30 bytes; a larger message has
+        chunk_bytes: size of a chunk before compression, 1 to 2**24 bytes; a larger message has
             a chunk of its own.
 
     Raises:
@@ -51,8 +51,8 @@ class McapWriter:
         chunk_bytes: int = 1 << 20,
     ) -> None:
         self.path = Path(path)
-        if not 1 <= chunk_bytes <= LARGEST_CHUNK:
-            raise self._error(f"chunk_bytes must be 1 to {LARGEST_CHUNK}, not {chunk_bytes}")
+        if not 1 <= chunk_bytes <= SMALL_CHUNK:
+            raise self._error(f"chunk_bytes must be 1 to {SMALL_CHUNK}, not {chunk_bytes}")
         self._compression = compression
         try:
             self._chunk = Chunk(chunk_bytes, compression)
@@ -60,6 +60,7 @@ class McapWriter:
             raise self._error(str(error)) from error
         self._schemas: dict[tuple[str, str], int] = {}
         self._counts: dict[int, int] = {}  # messages so far, by channel
+        self._written: dict[int, int] = {}  # those of them that are in the file
         self._first, self._last = 1 << 64, 0  # log times of all chunks in the file
         self._size = 0  # bytes in the file
         self._crc = 0  # of those bytes
@@ -150,7 +151,7 @@ class McapWriter:
         channel = encode.channel(channel_id, self._schemas[key], topic, "cdr", metadata or {})
         self._append(channel)
         self._summary[Op.CHANNEL].append(channel)
-        self._counts[channel_id] = 0
+        self._counts[channel_id] = self._written[channel_id] = 0
         return channel_id
 
     def write(self, channel: int, t: NDArray[np.int64], records: NDArray[np.uint8]) -> None:
@@ -209,6 +210,8 @@ class McapWriter:
             index_offsets[channel] = end
             end += len(index)
         self._append(sealed.record, *sealed.indexes.values())
+        for channel, count in sealed.counts.items():
+            self._written[channel] += count
         self._first, self._last = min(self._first, sealed.first), max(self._last, sealed.last)
         self._summary[Op.CHUNK_INDEX].append(
             encode.chunk_index(
@@ -234,11 +237,7 @@ class McapWriter:
         if self._ended:
             return
         self.flush_chunk()
-        first = self._first if self._summary[Op.CHUNK_INDEX] else 0
-        statistics = encode.statistics(self._summary, first, self._last, self._counts)
-        groups = {**self._summary, Op.STATISTICS: [statistics]}
-        data_end = encode.data_end(self._crc)
-        self._append(data_end, encode.tail(groups, self._size + len(data_end)))
+        self._append(self._end())
         self._ended = "it is closed"
         try:
             self._file.close()
@@ -256,30 +255,59 @@ class McapWriter:
     ) -> None:
         self.close()
 
+    def _end(self) -> bytes:
+        """Return what closes the file as it is now."""
+        first = self._first if self._summary[Op.CHUNK_INDEX] else 0
+        statistics = encode.statistics(self._summary, first, self._last, self._written)
+        groups = {**self._summary, Op.STATISTICS: [statistics]}
+        data_end = encode.data_end(self._crc)
+        return data_end + encode.tail(groups, self._size + len(data_end))
+
     def _append(self, *records: bytes) -> None:
-        """Write whole records; after an error the file ends with the last one that fitted."""
-        crc, whole = self._crc, self._size
+        """Write records, all or none of them; an error ends the recording."""
+        crc = self._crc
         try:
             for record in records:
                 crc = zlib.crc32(record, crc)
-                rest = memoryview(record)
-                while rest:
-                    rest = rest[self._file.write(rest) :]
-                whole += len(record)
-            self._crc, self._size = crc, whole
+                self._put(record)
+            self._crc, self._size = crc, self._size + sum(map(len, records))
         except OSError as error:
-            self._ended = f"it stopped at an earlier error ({error.strerror})"
-            with contextlib.suppress(OSError):  # the first error says it all
-                self._rewind(whole)
-            with contextlib.suppress(OSError):
-                self._file.close()
-            raise self._error(
-                f"cannot be written: {error.strerror}. The recording ends here, after {whole} "
-                "bytes; make room or record elsewhere, and mend this file with 'lodeflow recover'"
-            ) from error
+            self._give_up(error)
         except BaseException:  # Ctrl-C inside a record must not leave half of it
             self._rewind(self._size)
             raise
+
+    def _put(self, record: bytes) -> None:
+        rest = memoryview(record)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+
+    def _give_up(self, error: OSError) -> None:
+        """End the recording after an error: closed, if there is room for that.
+
+        There mostly is where a disk is full, for the chunk that did not fit leaves its room.
+
+        Raises:
+            RecordingError: always; says what is left.
+        """
+        self._ended = f"it stopped at an earlier error ({error.strerror})"
+        closed = False
+        with contextlib.suppress(OSError):  # the first error says it all
+            self._rewind(self._size)
+            if self._size:
+                self._put(self._end())
+                closed = True
+        with contextlib.suppress(OSError):
+            if not closed:
+                self._rewind(self._size)
+            self._file.close()
+        what = "make room or record elsewhere"
+        if not closed:
+            what += ", and mend this file with 'lodeflow recover'"
+        raise self._error(
+            f"cannot be written: {error.strerror}. The recording ends here, after {self._size} "
+            f"bytes of data{', closed and readable' if closed else ''}; {what}"
+        ) from error
 
     def _rewind(self, size: int) -> None:
         self._file.truncate(size)

@@ -1,0 +1,1 @@
+"""Messages by the definition that stands in their file, whatever members it has."""
