@@ -9,7 +9,8 @@ import click
 from lodeflow.cli.message_types import declare_installed
 from lodeflow.cli.options import JSON
 from lodeflow.cli.output import RESULT, STATUS, print_json
-from lodeflow.recording.columns import LOG_TOPIC, stream_of
+from lodeflow.recording.columns import stream_of
+from lodeflow.recording.events import EVENT_TOPICS
 from lodeflow.recording.export import export
 from lodeflow.recording.reader import Recording
 
@@ -29,7 +30,9 @@ def command(rec: Path, form: str, out: Path, streams: tuple[str, ...], as_json: 
     declare_installed()
     with Recording(rec) as recording:
         files, unknown = export(recording, form, out, streams)
-        left_out = {topic: recording.topics[topic].type for topic in unknown if topic != LOG_TOPIC}
+        left_out = {
+            topic: recording.topics[topic].type for topic in unknown if topic not in EVENT_TOPICS
+        }
     for topic, kind in left_out.items():
         STATUS.print(f"left out {stream_of(topic)}: {kind or 'no type'} is unknown", markup=False)
     if as_json:

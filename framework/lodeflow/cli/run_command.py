@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,11 @@ from lodeflow.cli.options import GRAPH, JSON, overrides
 from lodeflow.cli.output import RESULT, STATUS, log_to_stderr, print_json, score_lines, table
 from lodeflow.clock import monotonic
 from lodeflow.graph import load_graph
+from lodeflow.graph.partition import split
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.run import run
 from lodeflow.supervisor.summary import Summary
+from lodeflow.supervisor.supervise import supervise
 
 
 @click.command()
@@ -32,6 +35,29 @@ from lodeflow.supervisor.summary import Summary
     metavar="S",
     help="Seconds of event time to run for.",
 )
+@click.option(
+    "--processes",
+    type=click.Choice(["graph", "split", "one"]),
+    default="graph",
+    help="Processes: those of the graph file, one per node, or one. [default: graph]",
+)
+@click.option(
+    "--only", multiple=True, metavar="GROUP", help="Run this group here; others run elsewhere."
+)
+@click.option(
+    "--listen",
+    multiple=True,
+    metavar="[GROUP=]ENDPOINT",
+    help="Where groups of other hosts link to, such as tcp/0.0.0.0:7447.",
+)
+@click.option(
+    "--connect", multiple=True, metavar="ENDPOINT", help="Where a group of another host listens."
+)
+@click.option(
+    "--zenoh-config",
+    type=click.Path(dir_okay=False, exists=True, path_type=Path),
+    help="Zenoh configuration: certificates, users, access control.",
+)
 @JSON
 def command(
     graph: Path,
@@ -40,6 +66,11 @@ def command(
     no_record: bool,
     realtime: bool,
     duration: float | None,
+    processes: str,
+    only: tuple[str, ...],
+    listen: tuple[str, ...],
+    connect: tuple[str, ...],
+    zenoh_config: Path | None,
     as_json: bool,
 ) -> int:
     """Run a graph to the end of its data, record it, and say what came of it.
@@ -52,8 +83,26 @@ def command(
     loaded = load_graph(graph, **overrides)
     for note in loaded.notes:
         STATUS.print(note, soft_wrap=True)
+    if processes == "split":
+        loaded = split(loaded)
+    elif processes == "one":
+        loaded = replace(loaded, processes={})
     if loaded.processes:
-        STATUS.print("processes: the groups run together in one process for now")
+        summary = supervise(
+            loaded,
+            only=[name for names in only for name in names.split(",")],
+            listen=_endpoints(listen, only),
+            connect=connect,
+            config=zenoh_config,
+            record="" if no_record else record,
+            speed=1.0 if realtime else None,
+            duration=duration,
+            command=sys.argv[1:],
+            say=_say,
+        )
+        return report(summary, as_json=as_json)
+    if only or listen or connect:
+        raise click.UsageError("--only, --listen and --connect need a graph with processes")
     log_to_stderr()
     with Progress() as progress:
         summary = run(
@@ -65,6 +114,25 @@ def command(
             command=sys.argv[1:],
         )
     return report(summary, as_json=as_json)
+
+
+def _endpoints(listen: tuple[str, ...], only: tuple[str, ...]) -> dict[str, list[str]]:
+    """Return the endpoints of each group from texts GROUP=ENDPOINT, or ENDPOINT for the only one."""
+    found: dict[str, list[str]] = {}
+    for text in listen:
+        group, equals, endpoint = text.partition("=")
+        if not equals:
+            if len(only) != 1 or "," in only[0]:
+                raise click.UsageError(
+                    f"--listen {text}: several groups run here; say which: --listen GROUP={text}"
+                )
+            group, endpoint = only[0], text
+        found.setdefault(group, []).append(endpoint)
+    return found
+
+
+def _say(group: str, line: str) -> None:
+    STATUS.print(Text(f"[{group}] {line}"), soft_wrap=True)
 
 
 def report(summary: Summary, *, as_json: bool = False) -> int:

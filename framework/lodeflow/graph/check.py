@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, get_args
 
 from lodeflow.errors import NodeError, did_you_mean
 from lodeflow.graph.arguments import NAME, RECORD_FIELDS, path_fields
+from lodeflow.graph.groups import GROUP_NAME, read_groups
 from lodeflow.graph.layers import NODE_KEYS
 from lodeflow.graph.model import Graph, GraphNode, Loss, Record, Wire
 from lodeflow.graph.parameters import read_params
@@ -22,8 +22,6 @@ FORMAT = 1
 """The version of the file format that this code reads."""
 KEYS = ("lodeflow", "name", "args", "nodes", "record", "processes")
 RECORDED_TO = "recordings/{name}-{start}.mcap"
-
-_GRAPH_NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 
 def check(
@@ -54,7 +52,7 @@ def check(
     nodes = {node: found for node, found in finished.items() if found}
     wiring.cycles(nodes)
     record = _record(tree, args, wiring, problems)
-    processes = _processes(tree, drafts, problems)
+    processes = read_groups(tree.find("processes"), drafts, problems)
     return None if len(problems) else Graph(name, nodes, record, processes, args, **described)
 
 
@@ -100,7 +98,7 @@ def _graph_name(tree: Tree, problems: Problems) -> str:
     rule = "a name is a-z, then a-z, 0-9, _ and -; it goes into keys and file names"
     if name is None:
         _missing(tree, "name", rule, problems)
-    elif not isinstance(name.value, str) or not _GRAPH_NAME.fullmatch(name.value):
+    elif not isinstance(name.value, str) or not GROUP_NAME.fullmatch(name.value):
         name.refuse(problems, "name", f"{rule}, got {show(name.plain())}")
     else:
         return name.value
@@ -238,37 +236,3 @@ def _check_path(path: Tree, to: str, args: Mapping[str, Any], problems: Problems
             what = f"the arg '{field}' is {show(args[field])}, which cannot stand in a path"
             what += f"; give one with --arg {field}=..." if args[field] is None else ""
             path.refuse(problems, "record.to", what)
-
-
-def _processes(
-    tree: Tree, nodes: Mapping[str, _Draft], problems: Problems
-) -> dict[str, tuple[str, ...]]:
-    given = tree.find("processes")
-    groups = _mapping(given, "processes", "groups to lists of nodes", problems)
-    placed: dict[str, str] = {}
-    found: dict[str, tuple[str, ...]] = {}
-    for group, members in groups.items():
-        path = join("processes", group)
-        if not _GRAPH_NAME.fullmatch(group):
-            what = "a name is a-z, then a-z, 0-9, _ and -"
-            problems.add(members.name_place, path, what)
-        if not members.items:
-            what = f"should be a list of nodes, got {show(members.plain())}"
-            members.refuse(problems, path, what)
-        for item in members.items:
-            name = item.value
-            if not isinstance(name, str) or name not in nodes:
-                near = did_you_mean(str(name), nodes)
-                item.refuse(problems, path, f"no node {show(item.plain())}{near}")
-            elif name in placed:
-                what = f"'{name}' is in group '{placed[name]}' already; a node runs in one"
-                item.refuse(problems, path, what)
-            else:
-                placed[name] = group
-        found[group] = tuple(str(item.value) for item in members.items)
-    missing = [name for name in nodes if name not in placed]
-    all_right = sum(map(len, found.values())) == len(placed)
-    if given and groups and missing and all_right:
-        what = f"in no group: {', '.join(missing)}; add to one"
-        problems.add(given.name_place, "processes", what)
-    return found

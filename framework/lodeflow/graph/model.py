@@ -76,6 +76,31 @@ class Record:
     streams: tuple[Wire, ...] | None = None
 
 
+Restart = Literal["never", "on-failure", "always"]
+"""When the process of a group is started again after it has ended before its data."""
+OnCrash = Literal["stop", "continue"]
+"""What the other groups do once a group is gone for good."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Nodes that run in one process, and what happens when it crashes.
+
+    Attributes:
+        nodes: their names.
+        restart: when its process is started again; it begins anew, without its state.
+        limit: starts again within a run, at most.
+        on_crash: what the others do when it is not started again.
+        allow_gaps: a crash of this group does not fail the run.
+    """
+
+    nodes: tuple[str, ...]
+    restart: Restart = "never"
+    limit: int = 5
+    on_crash: OnCrash = "stop"
+    allow_gaps: bool = False
+
+
 @dataclass(frozen=True)
 class Graph:
     """A checked graph.
@@ -84,7 +109,7 @@ class Graph:
         name: name of the graph, part of every key and file name.
         nodes: by name, in the order of the file.
         record: what is recorded by default; None for nothing.
-        processes: node names of each process group; empty for one process.
+        processes: the process groups; empty for one process.
         args: the arguments with the values in force.
         document: the resolved file as plain data: what a run needs to be repeated.
         notes: what to tell the user although it is no mistake (params that a swap dropped).
@@ -93,7 +118,7 @@ class Graph:
     name: str
     nodes: Mapping[str, GraphNode]
     record: Record | None = None
-    processes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    processes: Mapping[str, Group] = field(default_factory=dict)
     args: Mapping[str, Any] = field(default_factory=dict)
     document: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = field(default=(), compare=False)

@@ -16,8 +16,9 @@ from mcap import records as mcap
 from lodeflow.errors import MessageError, RecordingError, did_you_mean
 from lodeflow.messages import vocabulary as bundled  # noqa: F401 (declares the bundled types)
 from lodeflow.messages.message import Message, by_ros_name
-from lodeflow.recording.columns import LOG_TOPIC, stream_of, topic_of
+from lodeflow.recording.columns import stream_of, topic_of
 from lodeflow.recording.comparison import Comparison, StreamComparison
+from lodeflow.recording.events import EVENT_TOPICS
 from lodeflow.recording.mcap.file import McapFile
 from lodeflow.recording.mcap.raw import parts, topics
 from lodeflow.recording.pairing import NotIncreasingError, Pairing
@@ -60,7 +61,8 @@ def compare(
         found = [topics(file) for file in files]
         names = dict.fromkeys([*found[0], *found[1]])
         if streams is None:
-            names.pop(LOG_TOPIC, None)
+            for event in EVENT_TOPICS:
+                names.pop(event, None)
         else:
             for topic in streams:
                 if topic not in names:

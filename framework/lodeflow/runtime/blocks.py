@@ -234,6 +234,7 @@ class BlockDriver:
                 for output in built[wire.node].outputs:
                     if output.port.name == wire.port:
                         output.readers.append((built[name], column))
+        self.outputs = {name: node.outputs for name, node in built.items()}
         self.sources = {
             name: built[name].outputs for name, node in plan.nodes.items() if node.spec.is_source
         }
@@ -246,6 +247,21 @@ class BlockDriver:
             outputs[port].send(block, NEVER)
         for output in outputs:
             output.promise(bound)
+        self._settle()
+
+    def receive(self, source: str, port: int, block: Any, bound: int) -> None:
+        """Bring in what came for one port of a node that runs elsewhere."""
+        output = self.sources[source][port]
+        if block is not None:
+            output.send(block, NEVER)
+        output.promise(bound)
+        self._settle()
+
+    def bound(self, wire: Wire) -> int:
+        """Return the bound that a port has promised."""
+        return next(o.bound for o in self.outputs[wire.node] if o.port.name == wire.port)
+
+    def _settle(self) -> None:
         again = True
         while again:  # more than once only where a cycle leads back
             again = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -211,7 +211,7 @@ class LiveFeed:
     """
 
     def __init__(
-        self, node: PlanNode, clock: Clock, wake: threading.Event, until: int = END
+        self, node: PlanNode, clock: Clock, wake: Callable[[], None], until: int = END
     ) -> None:
         self.node = node
         self.until = until
@@ -240,13 +240,13 @@ class LiveFeed:
                     self.overflow += _messages_in(item)
                 else:
                     self.inbox.append(item)
-                self.wake.set()
+                self.wake()
             _close(items)
         except RAISED as error:  # raised again by `drain`, on the run's own thread
             self.error = error
         finally:
             self.ended = True
-            self.wake.set()
+            self.wake()
 
     def drain(self) -> Iterator[Batch]:
         """Yield what has come, then the bound that time alone gives."""

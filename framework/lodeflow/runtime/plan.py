@@ -47,6 +47,10 @@ class Counters:
             self.lost[why] = self.lost.get(why, 0) + count
 
 
+class Inlet(Source):
+    """Base of the stand-ins for nodes that run in another group; nobody reads them."""
+
+
 class PlanNode:
     """One node of a plan: the live plugin, its wired inputs and its counters."""
 
@@ -143,8 +147,9 @@ class Plan:
 
     @property
     def sources(self) -> list[PlanNode]:
-        """The source nodes, in the order of the file."""
-        return [self.nodes[name] for name in self.graph.nodes if self.nodes[name].spec.is_source]
+        """The source nodes that run here, in the order of the file."""
+        nodes = [self.nodes[name] for name in self.graph.nodes]
+        return [n for n in nodes if n.spec.is_source and not isinstance(n.plugin, Inlet)]
 
     @property
     def lossless(self) -> bool:

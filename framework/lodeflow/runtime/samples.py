@@ -303,11 +303,16 @@ def _sparse(samples: tuple[Any, ...], kinds: list[type[Message]]) -> list[Sparse
 
 
 class SampleDriver:
-    """Runs a plan on single messages."""
+    """Runs a plan on single messages.
 
-    def __init__(self, plan: Plan) -> None:
+    Args:
+        plan: live nodes.
+        outlets: streams whose bounds others ask for, by `bound`.
+    """
+
+    def __init__(self, plan: Plan, outlets: frozenset[Wire] = frozenset()) -> None:
         self.nodes = {name: SampleNode(node, plan.taps) for name, node in plan.nodes.items()}
-        hearing = _hearing(self.nodes)
+        hearing = _hearing(self.nodes, {wire.node for wire in outlets})
         position = {name: index for index, name in enumerate(self.nodes)}
         for name in reversed(self.nodes):  # readers first, so that calls can be bound directly
             node = self.nodes[name]
@@ -341,10 +346,23 @@ class SampleDriver:
         """Bring in one sample of a source."""
         self.pushes[source][port](sample, sample.t)
 
-    def promise(self, source: str, bound: int) -> None:
-        """Say that nothing below `bound` will come on any port of a source."""
-        for output in self.nodes[source].outputs:
+    def promise(self, source: str, bound: int, port: int | None = None) -> None:
+        """Say that nothing below `bound` will come on a port of a source, or on any."""
+        outputs = self.nodes[source].outputs
+        for output in outputs if port is None else (outputs[port],):
             output.promise(bound)
+
+    def receive(self, source: str, port: int, block: Any, bound: int) -> None:
+        """Bring in what came for one port of a node that runs elsewhere."""
+        if block is not None:
+            send = self.pushes[source][port]
+            for index, t in enumerate(block.t.tolist()):
+                send(block.row(index), t)
+        self.nodes[source].outputs[port].promise(bound)
+
+    def bound(self, wire: Wire) -> int:
+        """Return the bound that a port has promised."""
+        return next(o.bound for o in self.nodes[wire.node].outputs if o.port.name == wire.port)
 
     def count(self) -> None:
         """Bring the plan's counters of sent messages up to date."""
@@ -357,9 +375,9 @@ class SampleDriver:
         return [name for name, n in self.nodes.items() if not n.ended and not n.node.spec.is_source]
 
 
-def _hearing(nodes: dict[str, SampleNode]) -> set[str]:
-    """Return the nodes that wait for bounds, or lead to one that does."""
-    hearing = {name for name, node in nodes.items() if node.joins}
+def _hearing(nodes: dict[str, SampleNode], asked: set[str]) -> set[str]:
+    """Return the nodes that wait for bounds, or lead to one that does, or to one asked for its."""
+    hearing = {name for name, node in nodes.items() if node.joins} | asked
     grown = True
     while grown:
         before = len(hearing)

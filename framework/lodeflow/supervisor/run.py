@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import datetime
 import json
-import signal
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from lodeflow.clock import monotonic, seconds, wall_time
 from lodeflow.errors import LodeflowError, RunError
@@ -22,11 +18,8 @@ from lodeflow.recording.provenance import provenance
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.plan import Plan
+from lodeflow.supervisor.interrupt import interruptible
 from lodeflow.supervisor.summary import Summary
-
-GRACE = 1.0
-"""Seconds that a run has to end by itself after Ctrl-C, before it is interrupted where it is."""
-
 
 LONGEST = 2**31
 """Seconds of event time that stamps can tell apart."""
@@ -66,7 +59,7 @@ def run(
         raise RunError(f"a duration is above 0 and below {LONGEST} s, got {duration}")
     plan = Plan(graph)
     summary = Summary(graph.name, {name: plan.nodes[name].counters for name in graph.nodes})
-    _keep_scores(plan, summary)
+    keep_scores(plan, summary.scores)
     watch = _Watch(plan, progress)
     engine = Engine(
         plan,
@@ -75,7 +68,8 @@ def run(
         watch=watch,
     )
     started = monotonic()
-    with _interruptible(engine) as closing:  # before the file is begun: it must be closed too
+    # Before the file is begun: it must be closed too.
+    with interruptible(engine.stop, engine.stopping.is_set) as closing:
         watch.recorder = recorder = _recorder(graph, plan, record, command, about)
         try:
             engine.run()
@@ -101,7 +95,8 @@ def run(
     return summary
 
 
-def _keep_scores(plan: Plan, summary: Summary) -> None:
+def keep_scores(plan: Plan, scores: dict[str, Message]) -> None:
+    """Keep the last message of each stream of scores, under the name of the stream."""
     for name, node in plan.nodes.items():
         for port in node.spec.outputs:
             if not issubclass(port.type, Score):
@@ -109,9 +104,26 @@ def _keep_scores(plan: Plan, summary: Summary) -> None:
             wire = Wire(name, port.name)
 
             def keep(message: Message, key: str = str(wire)) -> None:
-                summary.scores[key] = message[-1] if message.is_block else message
+                scores[key] = message[-1] if message.is_block else message
 
             plan.tap(wire, keep)
+
+
+def recording_of(
+    graph: Graph, record: str | None, command: Sequence[str], about: Mapping[str, str]
+) -> tuple[Path, tuple[Wire, ...], dict[str, str]] | None:
+    """Return where a run is recorded, which streams, and its provenance; None for not at all."""
+    begun = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC)
+    path, streams = record, None
+    if graph.record is not None:
+        fields = {**graph.args, "name": graph.name, "start": begun.strftime("%Y%m%d-%H%M%S-%f")}
+        path = graph.record.to.format(**fields) if record is None else record
+        streams = graph.record.streams
+    if not path:
+        return None
+    wires = tuple(graph.streams()) if streams is None else streams
+    found = provenance(graph, command=command, started=begun.isoformat())
+    return Path(path), wires, {**found, **about}
 
 
 def _recorder(
@@ -121,20 +133,12 @@ def _recorder(
     command: Sequence[str],
     about: Mapping[str, str],
 ) -> Recorder | None:
-    begun = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC)
-    path, streams = record, None
-    if graph.record is not None:
-        fields = {**graph.args, "name": graph.name, "start": begun.strftime("%Y%m%d-%H%M%S-%f")}
-        path = graph.record.to.format(**fields) if record is None else record
-        streams = graph.record.streams
-    if not path:
+    found = recording_of(graph, record, command, about)
+    if found is None:
         return None
-    recorder = Recorder(
-        Path(path),
-        graph=dump(graph),
-        provenance={**provenance(graph, command=command, started=begun.isoformat()), **about},
-    )
-    recorder.attach(plan, tuple(graph.streams()) if streams is None else streams)
+    path, wires, texts = found
+    recorder = Recorder(path, graph=dump(graph), provenance=texts)
+    recorder.attach(plan, wires)
     return recorder
 
 
@@ -154,38 +158,3 @@ class _Watch:
         if now - self.shown >= 0.1:
             self.shown = now
             self.progress(self.plan, t)
-
-
-@contextmanager
-def _interruptible(engine: Engine) -> Iterator[Callable[[], None]]:
-    """Let Ctrl-C and SIGTERM end the sources; what does not react in time is interrupted.
-
-    Yields what is to be called when the run is over: from then on nothing interrupts the closing
-    of the recording, which takes no user code.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
-        return
-
-    def interrupt(*_: Any) -> None:
-        if engine.stopping.is_set():
-            raise KeyboardInterrupt
-        engine.stop()
-        signal.setitimer(signal.ITIMER_REAL, GRACE)
-
-    def give_up(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    def closing() -> None:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        for number in handlers:
-            signal.signal(number, signal.SIG_IGN)
-
-    handlers = {signal.SIGINT: interrupt, signal.SIGTERM: interrupt, signal.SIGALRM: give_up}
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
-    try:
-        yield closing
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        for number, handler in before.items():
-            signal.signal(number, handler)
