@@ -23,6 +23,7 @@ from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.replay import Replay, replaying
 from lodeflow.supervisor.run import run
+from lodeflow.supervisor.seen import Look
 from lodeflow.supervisor.summary import Summary
 
 
@@ -104,6 +105,7 @@ def command(
                 progress=progress,
                 command=sys.argv[1:],
                 about=about,
+                look=Look(),
             )
 
     if not check:

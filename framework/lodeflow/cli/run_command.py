@@ -19,6 +19,7 @@ from lodeflow.graph import load_graph
 from lodeflow.graph.partition import split
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.run import run
+from lodeflow.supervisor.seen import Look
 from lodeflow.supervisor.summary import Summary
 from lodeflow.supervisor.supervise import supervise
 
@@ -54,6 +55,18 @@ from lodeflow.supervisor.supervise import supervise
     "--connect", multiple=True, metavar="ENDPOINT", help="Where a group of another host listens."
 )
 @click.option(
+    "--zenoh-listen",
+    multiple=True,
+    metavar="[GROUP=]ENDPOINT",
+    help="Where other programs can look in from other hosts, such as tcp/0.0.0.0:7450.",
+)
+@click.option(
+    "--zenoh-connect",
+    multiple=True,
+    metavar="ENDPOINT",
+    help="Where other programs, or a Zenoh router, listen.",
+)
+@click.option(
     "--zenoh-config",
     type=click.Path(dir_okay=False, exists=True, path_type=Path),
     help="Zenoh configuration: certificates, users, access control.",
@@ -70,6 +83,8 @@ def command(
     only: tuple[str, ...],
     listen: tuple[str, ...],
     connect: tuple[str, ...],
+    zenoh_listen: tuple[str, ...],
+    zenoh_connect: tuple[str, ...],
     zenoh_config: Path | None,
     as_json: bool,
 ) -> int:
@@ -93,6 +108,8 @@ def command(
             only=[name for names in only for name in names.split(",")],
             listen=_endpoints(listen, only),
             connect=connect,
+            open_to=_endpoints(zenoh_listen, only),
+            outside=zenoh_connect,
             config=zenoh_config,
             record="" if no_record else record,
             speed=1.0 if realtime else None,
@@ -103,6 +120,9 @@ def command(
         return report(summary, as_json=as_json)
     if only or listen or connect:
         raise click.UsageError("--only, --listen and --connect need a graph with processes")
+    for endpoint in zenoh_listen:
+        if "=" in endpoint:
+            raise click.UsageError(f"--zenoh-listen {endpoint}: this graph has no groups")
     log_to_stderr()
     with Progress() as progress:
         summary = run(
@@ -112,19 +132,20 @@ def command(
             duration=duration,
             progress=progress,
             command=sys.argv[1:],
+            look=Look(zenoh_listen, zenoh_connect, zenoh_config),
         )
     return report(summary, as_json=as_json)
 
 
 def _endpoints(listen: tuple[str, ...], only: tuple[str, ...]) -> dict[str, list[str]]:
-    """Return the endpoints of each group from texts GROUP=ENDPOINT, or ENDPOINT for the only one."""
+    """Return the endpoints of each group: GROUP=ENDPOINT, or ENDPOINT where only one runs."""
     found: dict[str, list[str]] = {}
     for text in listen:
         group, equals, endpoint = text.partition("=")
         if not equals:
             if len(only) != 1 or "," in only[0]:
                 raise click.UsageError(
-                    f"--listen {text}: several groups run here; say which: --listen GROUP={text}"
+                    f"{text}: several groups run here; say whose it is: GROUP={text}"
                 )
             group, endpoint = only[0], text
         found.setdefault(group, []).append(endpoint)

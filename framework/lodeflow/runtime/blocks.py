@@ -261,6 +261,9 @@ class BlockDriver:
         """Return the bound that a port has promised."""
         return next(o.bound for o in self.outputs[wire.node] if o.port.name == wire.port)
 
+    def retap(self, wire: Wire) -> None:
+        """Use the plan's taps of a port as they are now: its outputs do so by themselves."""
+
     def _settle(self) -> None:
         again = True
         while again:  # more than once only where a cycle leads back

@@ -12,7 +12,7 @@ from lodeflow.clock import Clock, Pacer, SimClock, WallClock
 from lodeflow.errors import ContractError, RunError
 from lodeflow.graph.model import Wire
 from lodeflow.runtime.blocks import BlockDriver
-from lodeflow.runtime.exchange import Alone, Exchange
+from lodeflow.runtime.exchange import Alone, Driver, Exchange
 from lodeflow.runtime.feed import Batch, LiveFeed, feeds, max_delay
 from lodeflow.runtime.plan import Plan, PlanNode
 from lodeflow.runtime.samples import SampleDriver
@@ -27,6 +27,10 @@ Watch = Callable[[int], None]
 
 class Engine:
     """Runs a plan to the end of its sources, or until it is told to stop.
+
+    Attributes:
+        driver: what runs the nodes; None before the first is run.
+        inboxes: of the live sources.
 
     Args:
         plan: a fresh plan.
@@ -61,6 +65,8 @@ class Engine:
         self.watch = watch
         self.stopping = threading.Event()
         self.exchange: Exchange = Alone() if exchange is None else exchange
+        self.driver: Driver | None = None
+        self.inboxes: list[LiveFeed] = []
         self.live = [n for n in plan.sources if max_delay(n) is not None]
         self.clock: Clock = WallClock() if self.live else SimClock()
         self.first: int | None = None
@@ -87,6 +93,11 @@ class Engine:
         self.stopping.set()
         self.exchange.wake()
 
+    def count(self) -> None:
+        """Bring the counters of sent messages up to date."""
+        if isinstance(self.driver, SampleDriver):
+            self.driver.count()
+
     def run(self) -> None:
         """Start the nodes, run, and let every node finish.
 
@@ -105,7 +116,7 @@ class Engine:
             self._run_blocks()
 
     def _run_blocks(self) -> None:
-        driver = BlockDriver(self.plan)
+        self.driver = driver = BlockDriver(self.plan)
         self.exchange.attach(driver)
         sources = feeds(self.plan.sources, self.clock, self.duration)
         reached = dict.fromkeys(sources, NEVER)
@@ -149,13 +160,14 @@ class Engine:
         return moved
 
     def _run_samples(self) -> None:
-        driver = SampleDriver(self.plan, self.exchange.outlets)
+        self.driver = driver = SampleDriver(self.plan, self.exchange.outlets)
         self.exchange.attach(driver)
         at_rest = [node for node in self.plan.sources if node not in self.live]
         read = feeds(at_rest, self.clock, self.duration)
         files = [_Paced(node, read[node.name]) for node in at_rest]
         until = END if self.duration is None else self.clock.start + self.duration
         live = [LiveFeed(node, self.clock, self.exchange.wake, until) for node in self.live]
+        self.inboxes = live
         pacer = Pacer(1.0 if self.speed is None else self.speed)
         for feed in live:
             feed.start()

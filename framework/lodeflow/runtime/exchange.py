@@ -32,6 +32,9 @@ class Driver(Protocol):
     def bound(self, wire: Wire) -> int:
         """Return the bound that a port has promised."""
 
+    def retap(self, wire: Wire) -> None:
+        """Use the plan's taps of a port as they are now."""
+
 
 class Exchange(Protocol):
     """The other groups of a run, as an engine sees them.

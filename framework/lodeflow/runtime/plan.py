@@ -146,10 +146,15 @@ class Plan:
         self.taps: dict[Wire, list[Tap]] = {wire: [] for wire in graph.streams()}
 
     @property
+    def mine(self) -> list[PlanNode]:
+        """The nodes that run here, not the stand-ins for others, in the order of the file."""
+        nodes = [self.nodes[name] for name in self.graph.nodes]
+        return [node for node in nodes if not isinstance(node.plugin, Inlet)]
+
+    @property
     def sources(self) -> list[PlanNode]:
         """The source nodes that run here, in the order of the file."""
-        nodes = [self.nodes[name] for name in self.graph.nodes]
-        return [n for n in nodes if n.spec.is_source and not isinstance(n.plugin, Inlet)]
+        return [node for node in self.mine if node.spec.is_source]
 
     @property
     def lossless(self) -> bool:

@@ -40,7 +40,17 @@ class Output:
         enders: the other readers; they hear of the end alone.
     """
 
-    __slots__ = ("bound", "calls", "enders", "listeners", "node", "port", "sent")
+    __slots__ = (
+        "_forwarders",
+        "_taps",
+        "bound",
+        "calls",
+        "enders",
+        "listeners",
+        "node",
+        "port",
+        "sent",
+    )
 
     def __init__(self, node: PlanNode, port: OutputPort, taps: Sequence[Tap]) -> None:
         self.node = node
@@ -49,7 +59,23 @@ class Output:
         self.sent = 0
         self.listeners: list[Advance] = []
         self.enders: list[Advance] = []
-        self.calls: list[Accept] = list(taps)
+        self.calls: list[Accept] = []
+        self._taps = taps
+        self._forwarders: list[Callable[[Accept], None]] = []
+
+    def forwarding(self, replace: Callable[[Accept], None]) -> Accept:
+        """Return the call that hands a message to all taps and readers.
+
+        Args:
+            replace: takes another such call, when the taps have changed.
+        """
+        self._forwarders.append(replace)
+        return _fan([*self._taps, *self.calls])
+
+    def retap(self) -> None:
+        """Use the taps as they are now."""
+        for replace in self._forwarders:
+            replace(_fan([*self._taps, *self.calls]))
 
     def connect(self, accept: Accept, advance: Advance, *, hears: bool) -> None:
         """Add a reader."""
@@ -72,9 +98,16 @@ class Output:
         All readers are connected by now. The first message is looked at in full, later ones as
         far as is cheap: their type and their stamp.
         """
-        forward = _fan(self.calls)
         kind, lookback = self.port.type, self.node.lookback
         expected: type[Message] | None = None
+
+        forward: Accept
+
+        def replace(other: Accept) -> None:
+            nonlocal forward
+            forward = other
+
+        forward = self.forwarding(replace)
 
         def send(message: Any, row: int) -> None:
             nonlocal expected
@@ -173,8 +206,16 @@ class SampleNode:
         """
         node, (output,) = self.node, self.outputs
         send, step, counters = self.senders[output.port.name], self._sample_step(), node.counters
-        forward, lookback, kind = _fan(output.calls), node.lookback, output.port.type
+        lookback, kind = node.lookback, output.port.type
         expected: type[Message] | None = None
+
+        forward: Accept
+
+        def replace(other: Accept) -> None:
+            nonlocal forward
+            forward = other
+
+        forward = output.forwarding(replace)
 
         def accept(message: Any) -> None:
             nonlocal expected
@@ -363,6 +404,12 @@ class SampleDriver:
     def bound(self, wire: Wire) -> int:
         """Return the bound that a port has promised."""
         return next(o.bound for o in self.nodes[wire.node].outputs if o.port.name == wire.port)
+
+    def retap(self, wire: Wire) -> None:
+        """Use the plan's taps of a port as they are now."""
+        for output in self.nodes[wire.node].outputs:
+            if output.port.name == wire.port:
+                output.retap()
 
     def count(self) -> None:
         """Bring the plan's counters of sent messages up to date."""

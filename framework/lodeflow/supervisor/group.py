@@ -14,13 +14,15 @@ from lodeflow.recording.events import in_range, log_fields
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.exchange import part_of
 from lodeflow.runtime.plan import Plan
+from lodeflow.supervisor.answers import Answers
 from lodeflow.supervisor.interrupt import interruptible
-from lodeflow.supervisor.rundir import link_socket
 from lodeflow.supervisor.run import keep_scores
+from lodeflow.supervisor.rundir import link_socket, look_socket
 from lodeflow.supervisor.setup import Report, Setup
 from lodeflow.supervisor.summary import Summary
 from lodeflow.transport.links import Links
-from lodeflow.transport.session import LINKS, open_session
+from lodeflow.transport.session import LINKS, close_session, open_session
+from lodeflow.transport.window import Window
 
 Tell = Callable[[Any], None]
 """Tells the supervisor something: "ready", or a Report."""
@@ -48,7 +50,7 @@ def open_links(
 
     def close() -> None:
         links.close()
-        session.close()
+        close_session(session)
 
     return links, close
 
@@ -80,6 +82,8 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
     def watch(t: int) -> None:
         log.reached = max(log.reached, t)
         obey(links, orders)
+        window.tend(engine.driver)
+        answers.meter.tend(engine.driver)
         if links.stop_asked and not engine.stopping.is_set():
             engine.stop()
 
@@ -91,6 +95,8 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         exchange=links,
         samples=setup.samples,
     )
+    answers = Answers(setup.graph, name, plan, engine, lambda: tell("stop"), links)
+    window = open_window(setup, name, plan, answers, links.wake)
     with interruptible(engine.stop, engine.stopping.is_set, by=(signal.SIGTERM,)) as closing:
         try:
             plan.start()
@@ -107,9 +113,26 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
             report.error = f"lodeflow itself failed: {type(error).__name__}: {error}"
             logging.getLogger("lodeflow").exception("in group '%s'", name)
         closing()
+        window.close()
         _close(setup, name, plan, engine, links, report)
         close()
     return report
+
+
+def open_window(
+    setup: Setup, name: str, plan: Plan, answers: Answers, wake: Callable[[], None]
+) -> Window:
+    """Open the window of a group that runs on this host."""
+    return Window(
+        setup.graph.name,
+        name,
+        plan,
+        listen=[look_socket(setup.run_dir, setup.here.index(name)), *setup.open_to.get(name, ())],
+        connect=setup.outside,
+        config=setup.config,
+        answer=answers,
+        wake=wake,
+    )
 
 
 def _close(

@@ -19,6 +19,7 @@ from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.interrupt import interruptible
+from lodeflow.supervisor.seen import Look, Seen
 from lodeflow.supervisor.summary import Summary
 
 LONGEST = 2**31
@@ -37,6 +38,7 @@ def run(
     progress: Progress = lambda plan, t: None,
     command: Sequence[str] = (),
     about: Mapping[str, str] = MappingProxyType({}),
+    look: Look | None = None,
 ) -> Summary:
     """Run a graph to its end.
 
@@ -48,6 +50,7 @@ def run(
         progress: called about ten times a second.
         command: arguments of the command line, kept in the recording.
         about: what else is kept in the recording's provenance.
+        look: how other processes can look in; None if they cannot.
 
     Returns:
         The summary; an error that ended the run is in it, with the recording closed.
@@ -71,6 +74,8 @@ def run(
     # Before the file is begun: it must be closed too.
     with interruptible(engine.stop, engine.stopping.is_set) as closing:
         watch.recorder = recorder = _recorder(graph, plan, record, command, about)
+        if look is not None:
+            watch.seen = seen = Seen(graph, plan, engine, look)
         try:
             engine.run()
         except KeyboardInterrupt:
@@ -82,6 +87,8 @@ def run(
             failure.__cause__ = error
             summary.error = failure
         closing()
+        if look is not None:
+            seen.close()
         summary.wall = monotonic() - started
         summary.stopped = engine.stopping.is_set()
         summary.lossless = plan.lossless
@@ -148,10 +155,13 @@ class _Watch:
     def __init__(self, plan: Plan, progress: Progress) -> None:
         self.plan = plan
         self.recorder: Recorder | None = None
+        self.seen: Seen | None = None
         self.progress = progress
         self.shown = 0.0
 
     def __call__(self, t: int) -> None:
+        if self.seen is not None:
+            self.seen.tend()
         if self.recorder is not None:
             self.recorder.keep_up(t)
         now = monotonic()

@@ -44,6 +44,8 @@ class Setup:
         recording: what is recorded; None for nothing.
         listen: endpoints of each group, for other hosts.
         connect: endpoints on other hosts.
+        open_to: endpoints of each group at which other programs can look in.
+        outside: endpoints of other programs.
         config: Zenoh configuration file with certificates, users and access control.
     """
 
@@ -57,6 +59,8 @@ class Setup:
     recording: Recording | None = None
     listen: Mapping[str, Sequence[str]] = field(default_factory=dict)
     connect: Sequence[str] = ()
+    open_to: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    outside: Sequence[str] = ()
     config: Path | None = None
 
     @property

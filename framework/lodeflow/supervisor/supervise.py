@@ -10,6 +10,7 @@ import datetime
 import os
 import selectors
 import signal
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -44,6 +45,8 @@ def supervise(
     only: Sequence[str] = (),
     listen: Mapping[str, Sequence[str]] = MappingProxyType({}),
     connect: Sequence[str] = (),
+    open_to: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    outside: Sequence[str] = (),
     config: Path | None = None,
     record: str | None = None,
     speed: float | None = None,
@@ -58,6 +61,8 @@ def supervise(
         only: groups to run here, others run elsewhere; none for all.
         listen: endpoints of each group, for other hosts.
         connect: endpoints on other hosts.
+        open_to: endpoints of each group at which other programs can look in.
+        outside: endpoints of other programs.
         config: Zenoh configuration file with certificates, users and access control.
         record: path of the recording; None for the graph's own, "" for no recording.
         speed: event time per wall time; None for as fast as the data allows.
@@ -77,7 +82,7 @@ def supervise(
     recording = None if found is None else Recording(found[0], found[2])
     parts = partition(graph, () if found is None else found[1])
     here = tuple(only) or tuple(parts)
-    for name in [*here, *listen]:
+    for name in [*here, *listen, *open_to]:
         if name not in parts:
             near = did_you_mean(name, parts) or f" (groups: {', '.join(parts)})"
             raise RunError(f"no group '{name}' in graph '{graph.name}'{near}")
@@ -95,6 +100,8 @@ def supervise(
         recording=recording,
         listen=listen,
         connect=connect,
+        open_to=open_to,
+        outside=outside,
         config=config,
     )
     return _Supervisor(setup, say).run()
@@ -135,6 +142,7 @@ class _Supervisor:
         }
         old_wake = signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
         try:
+            _warm_up()
             for name in self.setup.here:
                 self._start(name)
             while self.children or self.due:
@@ -225,6 +233,8 @@ class _Supervisor:
                         self.selector.unregister(child.pipe.read)
                 case "ready":
                     child.ready = True
+                case "stop":
+                    self.stop_asked += 1
                 case ("waiting", missing):
                     self.say(child.name, _waiting(missing, self.setup.here))
                 case Report():
@@ -307,6 +317,13 @@ class _Supervisor:
                 summary.lossless = False
         if self.setup.recording is not None and RECORDER in self.setup.here:
             summary.recording = self.setup.recording.path
+
+
+def _warm_up() -> None:
+    """Let numba set itself up once, and not in each child: its first call takes long."""
+    numba = sys.modules.get("numba")
+    if numba is not None:
+        numba.njit(lambda x: x)(0)
 
 
 def _why(name: str, code: int, report: Report | None) -> str:

@@ -40,7 +40,7 @@ class Frame(NamedTuple):
         sequence: incarnation of the sender and number of the frame.
         first: stamp of the first record, ns.
         bound: no later record of the stream lies below it.
-        count: records.
+        rows: how many records.
         kind: DATA, HELLO, ....
         group: number of the sending group.
         stream: number of the stream in the graph.
@@ -50,7 +50,7 @@ class Frame(NamedTuple):
     sequence: int
     first: int
     bound: int
-    count: int
+    rows: int
     kind: int
     group: int
     stream: int

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import zenoh
 
@@ -104,6 +104,12 @@ class Link:
     def waiting(self) -> int:
         """Frames sent and not yet taken by the other side."""
         return len(self._unacked)
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether the other side is there to hear anything."""
+        status: Any = self.publisher.matching_status  # declared a bool, which it is not
+        return bool(status.matching)
 
     @property
     def is_full(self) -> bool:

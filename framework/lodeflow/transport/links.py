@@ -238,7 +238,7 @@ class Links:
         until = min(until, monotonic() + LINGER)
         while (now := monotonic()) < until:
             left = [x for x in self.links.values() if not (x.departed or x.closed)]
-            if not any(x.publisher.matching_status.matching for x in left):
+            if not any(x.is_matched for x in left):
                 break
             self._drain(now)
             for link in left:
@@ -327,11 +327,11 @@ class Links:
             return None
         floor = self.bounds[wire]
         block = None
-        if frame.count:
+        if frame.rows:
             layout = self.layouts[wire]
             try:
                 records = np.frombuffer(frame.payload, dtype=np.uint8)
-                block = layout.decode_block(records.reshape(frame.count, layout.size))
+                block = layout.decode_block(records.reshape(frame.rows, layout.size))
             except (ValueError, LodeflowError):
                 self.losses[link.peer].undecodable += 1
                 self._gap(wire, link.peer, frame.first, frame.bound)

@@ -71,6 +71,17 @@ def open_session(
         raise RunError(f"cannot open Zenoh on {where}: {_first_line(error)}") from error
 
 
+def close_session(session: zenoh.Session) -> None:
+    """Close a session; a broken one stays as it is."""
+    try:
+        session.close()  # type: ignore[no-untyped-call]
+    except zenoh.ZError:
+        return
+    except BaseException as error:
+        if not _is_panic(error):
+            raise
+
+
 def put(publisher: zenoh.Publisher, payload: bytes, attachment: bytes) -> None:
     """Put, and never fail: what a closed or broken session did not take is sent again or missed."""
     try:
@@ -78,8 +89,12 @@ def put(publisher: zenoh.Publisher, payload: bytes, attachment: bytes) -> None:
     except zenoh.ZError:
         return
     except BaseException as error:  # a panic inside Zenoh is no Exception
-        if type(error).__name__ != "PanicException":
+        if not _is_panic(error):
             raise
+
+
+def _is_panic(error: BaseException) -> bool:
+    return type(error).__name__ == "PanicException"
 
 
 def _first_line(error: BaseException) -> str:
