@@ -46,7 +46,9 @@ def grouped(graph: Graph, rng: random.Random) -> Graph:
 class RunningGroup(threading.Thread):
     """One group, in a thread of its own, with a session of its own."""
 
-    def __init__(self, graph: Graph, parts: Mapping[str, Part], name: str, folder: Path, samples: bool) -> None:
+    def __init__(
+        self, graph: Graph, parts: Mapping[str, Part], name: str, folder: Path, samples: bool
+    ) -> None:
         super().__init__()
         index = list(parts).index(name)
         self.session = open_session(

@@ -19,6 +19,7 @@ from lodeflow.cli.run_command import Progress, report
 from lodeflow.errors import GraphError, RecordingError
 from lodeflow.graph import Graph, Record, load_graph, load_graph_text
 from lodeflow.recording.compare import compare
+from lodeflow.recording.past import read_past
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.replay import Replay, replaying
@@ -88,6 +89,7 @@ def command(
         loaded = _graph(source, graph, overrides)
         replay = replaying(loaded, source, start=start, complete=not no_record)
         about = _about(source, replay)
+        past = read_past(source, loaded, _overridden(overrides).__contains__)
         checked = [wire for wire in replay.recomputed if topic(wire) in source.topics]
     _refuse_without_effect(replay, overrides)
     if check and not checked:
@@ -106,6 +108,7 @@ def command(
                 command=sys.argv[1:],
                 about=about,
                 look=Look(),
+                past=past,
             )
 
     if not check:
@@ -134,6 +137,14 @@ def _about(source: Recording, replay: Replay) -> dict[str, str]:
     return {
         "replay_of": str(source.path),
         "replay_fed": json.dumps([str(wire) for wire in replay.fed]),
+    }
+
+
+def _overridden(overrides: Mapping[str, Sequence[str]]) -> set[str]:
+    """Return the nodes that were set or swapped; what befell them before is not repeated."""
+    return {
+        text.partition("=")[0].partition(".")[0].strip()
+        for text in (*overrides["sets"], *overrides["swaps"])
     }
 
 

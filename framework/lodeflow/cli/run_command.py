@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from lodeflow.cli.options import GRAPH, JSON, overrides
 from lodeflow.cli.output import RESULT, STATUS, log_to_stderr, print_json, score_lines, table
 from lodeflow.clock import monotonic
 from lodeflow.graph import load_graph
-from lodeflow.graph.partition import split
+from lodeflow.graph.partition import split, unsplit
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.run import run
 from lodeflow.supervisor.seen import Look
@@ -101,7 +100,7 @@ def command(
     if processes == "split":
         loaded = split(loaded)
     elif processes == "one":
-        loaded = replace(loaded, processes={})
+        loaded = unsplit(loaded)
     if loaded.processes:
         summary = supervise(
             loaded,

@@ -41,9 +41,16 @@ class Part:
 
 def split(graph: Graph) -> Graph:
     """Return the graph with a group for each node, named like it."""
-    taken = {RECORDER}
-    groups = {f"{name}-node" if name in taken else name: Group((name,)) for name in graph.nodes}
-    return replace(graph, processes=groups)
+    groups = {f"{n}-node" if n == RECORDER else n: Group((n,)) for n in graph.nodes}
+    listed = {name: list(group.nodes) for name, group in groups.items()}
+    document = {**graph.document, "processes": listed}
+    return replace(graph, processes=groups, document=document)
+
+
+def unsplit(graph: Graph) -> Graph:
+    """Return the graph without groups."""
+    document = {name: value for name, value in graph.document.items() if name != "processes"}
+    return replace(graph, processes={}, document=document)
 
 
 def partition(graph: Graph, recorded: Iterable[Wire] = ()) -> dict[str, Part]:

@@ -33,6 +33,10 @@ BACKLOG = 64
 """Blocks that may wait to be written before the run is held back."""
 
 
+Taker = Callable[[Message], None]
+"""Takes the messages of a stream, samples or blocks."""
+
+
 def topic(wire: Wire) -> str:
     """Return the topic of a stream: /node, or /node/port where the port has a name."""
     return f"/{wire}".replace(".", "/")
@@ -70,19 +74,30 @@ class Recorder:
         self._room = threading.Event()
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
 
-    def attach(self, plan: Plan, wires: Iterable[Wire]) -> None:
-        """Record these streams of a plan, and what its nodes log; then start writing."""
+    def attach(
+        self,
+        plan: Plan,
+        wires: Iterable[Wire],
+        filtered: Callable[[Wire, Taker], Taker] = lambda wire, take: take,
+    ) -> None:
+        """Record these streams of a plan, and what its nodes log; then start writing.
+
+        Args:
+            plan: whose streams are recorded.
+            wires: the streams.
+            filtered: may put something between a stream and what takes its messages.
+        """
         kinds = {
             Wire(name, port.name): port.type
             for name, node in plan.nodes.items()
             for port in node.spec.outputs
         }
         for wire, take in self.open({wire: kinds[wire] for wire in wires}).items():
-            plan.tap(wire, take)
+            plan.tap(wire, filtered(wire, take))
 
-    def open(self, kinds: Mapping[Wire, type[Message]]) -> dict[Wire, Callable[[Message], None]]:
+    def open(self, kinds: Mapping[Wire, type[Message]]) -> dict[Wire, Taker]:
         """Start writing; return what takes the messages of each stream, samples or blocks."""
-        takers: dict[Wire, Callable[[Message], None]] = {}
+        takers: dict[Wire, Taker] = {}
         for wire, kind in kinds.items():
             channel = self.writer.channel(topic(wire), kind.ros, schema_text(kind))
             stream = _Stream(channel, layout_of(kind))

@@ -11,6 +11,7 @@ from lodeflow.errors import MessageError
 from lodeflow.graph.model import Wire
 from lodeflow.node import InputPort, OutputPort
 from lodeflow.runtime.align import Column, GateColumn, Rows, join_rows, make_aligner
+from lodeflow.runtime.gaps import without
 from lodeflow.runtime.plan import (
     RAISED,
     Plan,
@@ -60,7 +61,10 @@ class Output:
         for tap in self.taps:
             tap(block)
         for reader, column in self.readers:
-            column.push(block)
+            if spans := reader.node.gaps.get(str(Wire(self.node.name, self.port.name))):
+                without(column.push, spans)(block)
+            else:
+                column.push(block)
             reader.dirty = True
 
     def promise(self, bound: int) -> None:
@@ -100,6 +104,12 @@ class BlockNode:
             self.node.counters.unmatched + self.aligner.unmatched,
             0,
         )
+        while self.node.changes and len(rows.t) and rows.t[-1] >= self.node.changes[0].t:
+            before = int(np.searchsorted(rows.t, self.node.changes[0].t))
+            if before:
+                self._step(rows.select(slice(0, before)))
+                rows = rows.select(slice(before, None))
+            self.node.change()
         if len(rows.t):
             self._step(rows)
         for output in self.outputs:
@@ -260,6 +270,14 @@ class BlockDriver:
     def bound(self, wire: Wire) -> int:
         """Return the bound that a port has promised."""
         return next(o.bound for o in self.outputs[wire.node] if o.port.name == wire.port)
+
+    def earliest_change(self, name: str) -> int:
+        """Return the least stamp, ns, from which on a node can be another one."""
+        node = next(node for node in self.nodes if node.node.name == name)
+        return max(node.last_row + 1, *[output.bound for output in node.stepped], NEVER + 1)
+
+    def change(self, name: str) -> None:
+        """Look at the changes of a node, which have been added to: it does so by itself."""
 
     def retap(self, wire: Wire) -> None:
         """Use the plan's taps of a port as they are now: its outputs do so by themselves."""

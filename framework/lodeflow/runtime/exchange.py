@@ -35,6 +35,12 @@ class Driver(Protocol):
     def retap(self, wire: Wire) -> None:
         """Use the plan's taps of a port as they are now."""
 
+    def earliest_change(self, name: str) -> int:
+        """Return the least stamp, ns, from which on a node can be another one."""
+
+    def change(self, name: str) -> None:
+        """Look at the changes of a node, which have been added to."""
+
 
 class Exchange(Protocol):
     """The other groups of a run, as an engine sees them.

@@ -12,6 +12,7 @@ from lodeflow.graph import Graph, dump
 from lodeflow.messages.ros import schema_text
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.plan import Plan
+from lodeflow.supervisor.changes import Changes, Tell
 from lodeflow.supervisor.meter import Meter, process_usage
 
 
@@ -24,6 +25,7 @@ class Answers:
         plan: its nodes.
         engine: that runs them.
         stop: asks the run to stop.
+        tell: told of each change that was made.
         links: the links to other groups, if there are any.
     """
 
@@ -34,9 +36,11 @@ class Answers:
         plan: Plan,
         engine: Engine,
         stop: Callable[[], None],
+        tell: Tell,
         links: Any = None,
     ) -> None:
-        self.graph, self.group, self.plan, self.engine = graph, group, plan, engine
+        self.group, self.plan, self.engine = group, plan, engine
+        self.changes = Changes(graph, plan, engine, tell)
         self.links = links
         self.stop = stop
         self.meter = Meter(graph, plan)
@@ -46,7 +50,18 @@ class Answers:
             "stats": self.stats,
             "graph": lambda asked: {"yaml": dump(self.graph)},
             "stop": self._stop,
+            "change": self.changes.answer,
         }
+
+    @property
+    def graph(self) -> Graph:
+        """The graph as it is now."""
+        return self.changes.graph
+
+    def tend(self) -> None:
+        """Do what was asked for; called on the engine's thread, between batches."""
+        self.changes.tend()
+        self.meter.tend(self.engine.driver)
 
     def __call__(self, asked: Mapping[str, Any]) -> Any:
         """Answer {"ask": what, ...}.

@@ -46,7 +46,7 @@ def open_links(
         settings=LINKS,
         config=setup.config,
     )
-    links = Links(session, setup.graph, part, setup.groups, on_note=on_note)
+    links = Links(session, setup.graph, part, setup.groups, setup.digest, on_note=on_note)
 
     def close() -> None:
         links.close()
@@ -83,7 +83,7 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         log.reached = max(log.reached, t)
         obey(links, orders)
         window.tend(engine.driver)
-        answers.meter.tend(engine.driver)
+        answers.tend()
         if links.stop_asked and not engine.stopping.is_set():
             engine.stop()
 
@@ -95,7 +95,12 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         exchange=links,
         samples=setup.samples,
     )
-    answers = Answers(setup.graph, name, plan, engine, lambda: tell("stop"), links)
+
+    def changed(t: int, node: str, use: str, params: str) -> None:
+        links.later(json.dumps({"change": {"t": t, "node": node, "use": use, "params": params}}))
+        tell(("changed", node, use, params))
+
+    answers = Answers(setup.graph, name, plan, engine, lambda: tell("stop"), changed, links)
     window = open_window(setup, name, plan, answers, links.wake)
     with interruptible(engine.stop, engine.stopping.is_set, by=(signal.SIGTERM,)) as closing:
         try:

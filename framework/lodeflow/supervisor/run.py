@@ -14,6 +14,8 @@ from lodeflow.graph import Graph, dump
 from lodeflow.graph.model import Wire
 from lodeflow.messages.message import Message
 from lodeflow.messages.vocabulary import Score
+from lodeflow.recording.events import CHANGE
+from lodeflow.recording.past import NOTHING, Past
 from lodeflow.recording.provenance import provenance
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import Engine
@@ -39,6 +41,7 @@ def run(
     command: Sequence[str] = (),
     about: Mapping[str, str] = MappingProxyType({}),
     look: Look | None = None,
+    past: Past = NOTHING,
 ) -> Summary:
     """Run a graph to its end.
 
@@ -51,6 +54,7 @@ def run(
         command: arguments of the command line, kept in the recording.
         about: what else is kept in the recording's provenance.
         look: how other processes can look in; None if they cannot.
+        past: changes and gaps of a recorded run, to be repeated.
 
     Returns:
         The summary; an error that ended the run is in it, with the recording closed.
@@ -61,6 +65,7 @@ def run(
     if duration is not None and not 0 < duration < LONGEST:
         raise RunError(f"a duration is above 0 and below {LONGEST} s, got {duration}")
     plan = Plan(graph)
+    past.prepare(plan)
     summary = Summary(graph.name, {name: plan.nodes[name].counters for name in graph.nodes})
     keep_scores(plan, summary.scores)
     watch = _Watch(plan, progress)
@@ -73,9 +78,14 @@ def run(
     started = monotonic()
     # Before the file is begun: it must be closed too.
     with interruptible(engine.stop, engine.stopping.is_set) as closing:
-        watch.recorder = recorder = _recorder(graph, plan, record, command, about)
+        watch.recorder = recorder = _recorder(graph, plan, record, command, about, past)
         if look is not None:
-            watch.seen = seen = Seen(graph, plan, engine, look)
+
+            def changed(t: int, node: str, use: str, params: str) -> None:
+                if recorder is not None:
+                    recorder.event(CHANGE, t, node, use, params)
+
+            watch.seen = seen = Seen(graph, plan, engine, look, changed)
         try:
             engine.run()
         except KeyboardInterrupt:
@@ -139,13 +149,15 @@ def _recorder(
     record: str | None,
     command: Sequence[str],
     about: Mapping[str, str],
+    past: Past,
 ) -> Recorder | None:
     found = recording_of(graph, record, command, about)
     if found is None:
         return None
     path, wires, texts = found
     recorder = Recorder(path, graph=dump(graph), provenance=texts)
-    recorder.attach(plan, wires)
+    recorder.attach(plan, wires, past.filtered)
+    past.write(recorder)
     return recorder
 
 

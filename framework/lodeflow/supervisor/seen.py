@@ -15,6 +15,7 @@ from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor import rundir
 from lodeflow.supervisor.answers import Answers
+from lodeflow.supervisor.changes import Tell
 from lodeflow.transport.window import Window
 
 MAIN = "main"
@@ -39,13 +40,20 @@ class Look:
 class Seen:
     """A visible run. It runs unseen, with a warning, where there is no place for its socket.
 
+    Args:
+        graph: the graph.
+        plan: its nodes.
+        engine: that runs them.
+        look: how others can look in.
+        tell: told of each change that was made while it ran.
+
     Raises:
         RunError: an endpoint that was asked for cannot be used.
     """
 
-    def __init__(self, graph: Graph, plan: Plan, engine: Engine, look: Look) -> None:
+    def __init__(self, graph: Graph, plan: Plan, engine: Engine, look: Look, tell: Tell) -> None:
         self._engine = engine
-        self._answers = Answers(graph, MAIN, plan, engine, engine.stop)
+        self._answers = Answers(graph, MAIN, plan, engine, engine.stop, tell)
         self._window: Window | None = None
         self._run_dir: Path | None = None
         begun = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC).isoformat()
@@ -71,7 +79,7 @@ class Seen:
         """Called on the engine's thread, between batches."""
         if self._window is not None:
             self._window.tend(self._engine.driver)
-            self._answers.meter.tend(self._engine.driver)
+            self._answers.tend()
 
     def close(self) -> None:
         """End the window and remove the run directory."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import pickle
 import struct
@@ -10,10 +11,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lodeflow.graph import Graph
+from lodeflow.graph import Graph, dump
 from lodeflow.graph.partition import Part
 from lodeflow.messages.message import Message
 from lodeflow.runtime.plan import Counters
+
+
+def digest(graph: Graph) -> bytes:
+    """Return 16 bytes that tell a graph from others."""
+    return hashlib.sha256(dump(graph).encode()).digest()[:16]
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,8 @@ class Setup:
     """A split run.
 
     Attributes:
-        graph: the whole graph.
+        graph: the whole graph, with the changes made so far.
+        digest: of the graph at the start, the same in all groups of a run.
         parts: its groups, those of other hosts included; the recorder is the last.
         here: names of those that run on this host.
         run_dir: where they listen.
@@ -50,6 +57,7 @@ class Setup:
     """
 
     graph: Graph
+    digest: bytes
     parts: Mapping[str, Part]
     here: tuple[str, ...]
     run_dir: Path

@@ -13,6 +13,7 @@ import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import FrameType, MappingProxyType
@@ -20,6 +21,7 @@ from types import FrameType, MappingProxyType
 from lodeflow.clock import monotonic, seconds, wall_time
 from lodeflow.errors import RunError, did_you_mean
 from lodeflow.graph import Graph
+from lodeflow.graph.changes import with_change
 from lodeflow.graph.groups import RECORDER
 from lodeflow.graph.model import Group
 from lodeflow.graph.partition import partition
@@ -27,7 +29,7 @@ from lodeflow.supervisor import rundir
 from lodeflow.supervisor.child import Child
 from lodeflow.supervisor.janitor import Janitor
 from lodeflow.supervisor.run import LONGEST, recording_of
-from lodeflow.supervisor.setup import Recording, Report, Setup
+from lodeflow.supervisor.setup import Recording, Report, Setup, digest
 from lodeflow.supervisor.summary import Summary
 
 PATIENCE = 1.6
@@ -91,6 +93,7 @@ def supervise(
     run_dir = rundir.begin(graph.name, here, [parts[name].nodes for name in here], begun)
     setup = Setup(
         graph,
+        digest(graph),
         parts,
         here,
         run_dir,
@@ -235,6 +238,9 @@ class _Supervisor:
                     child.ready = True
                 case "stop":
                     self.stop_asked += 1
+                case ("changed", node, use, params):
+                    changed = with_change(self.setup.graph, node, use, params)
+                    self.setup = replace(self.setup, graph=changed)  # for groups started again
                 case ("waiting", missing):
                     self.say(child.name, _waiting(missing, self.setup.here))
                 case Report():

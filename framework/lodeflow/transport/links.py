@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -13,7 +12,7 @@ from zenoh.handlers import FifoChannel
 
 from lodeflow.clock import monotonic, wall_time
 from lodeflow.errors import LodeflowError, RunError
-from lodeflow.graph import Graph, Wire, dump
+from lodeflow.graph import Graph, Wire
 from lodeflow.graph.groups import RECORDER
 from lodeflow.graph.partition import Part
 from lodeflow.messages.cdr import Layout, layout_of
@@ -48,6 +47,7 @@ class Links:
         graph: the whole graph; every group of a run has the same.
         part: the group that runs here.
         groups: names of all groups, in the same order everywhere.
+        digest: 16 bytes that tell the graph from others; groups of another do not link.
         on_note: called with each text that another group sends for the recorder.
 
     Attributes:
@@ -61,13 +61,13 @@ class Links:
         graph: Graph,
         part: Part,
         groups: Sequence[str],
+        digest: bytes = bytes(16),
         *,
         on_note: Callable[[str, str], None] = lambda group, text: None,
     ) -> None:
         self.part = part
         self.outlets = frozenset(part.outlets)
         self.incarnation = wall_time() // 10_000_000 % (INCARNATIONS - 1) + 1
-        digest = hashlib.sha256(dump(graph).encode()).digest()[:16]
         me = groups.index(part.name)
         self.links = {
             groups.index(peer): Link(
