@@ -8,7 +8,8 @@ from typing import Any, get_args
 
 from lodeflow.errors import NodeError, did_you_mean
 from lodeflow.graph.arguments import NAME, RECORD_FIELDS, path_fields
-from lodeflow.graph.groups import GROUP_NAME, read_groups
+from lodeflow.graph.groups import GROUP_NAME, read_groups, with_sources
+from lodeflow.graph.keyed import read_keys
 from lodeflow.graph.layers import NODE_KEYS
 from lodeflow.graph.model import Graph, GraphNode, Loss, Record, Wire
 from lodeflow.graph.parameters import read_params
@@ -50,9 +51,13 @@ def check(
     wiring = Wiring({node: draft.plugin for node, draft in drafts.items()}, problems)
     finished = {node: draft.finish(wiring, problems) for node, draft in drafts.items()}
     nodes = {node: found for node, found in finished.items() if found}
+    nodes |= {name: source for name, (_, source) in wiring.keyed.items()}
     wiring.cycles(nodes)
     record = _record(tree, args, wiring, problems)
-    processes = read_groups(tree.find("processes"), drafts, problems)
+    processes = with_sources(
+        read_groups(tree.find("processes"), drafts, problems),
+        {source: reader for source, (reader, _) in wiring.keyed.items()},
+    )
     return None if len(problems) else Graph(name, nodes, record, processes, args, **described)
 
 
@@ -158,6 +163,7 @@ class _Draft:
             inputs,
             gates,
             frozenset(allow),
+            read_keys(self.tree.find("keys"), plugin, join(self.path, "keys"), problems),
         )
 
     def _allow(self, problems: Problems) -> list[Loss]:

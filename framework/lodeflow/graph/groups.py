@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, get_args
 
 from lodeflow.errors import did_you_mean
@@ -43,6 +44,15 @@ def read_groups(
     if found and missing and all_right:
         what = f"in no group: {', '.join(missing)}; add to one"
         problems.add(tree.name_place, "processes", what)
+    return found
+
+
+def with_sources(groups: dict[str, Group], readers: Mapping[str, str]) -> dict[str, Group]:
+    """Return the groups with sources added, each to the group of the node that reads it."""
+    found = {}
+    for name, group in groups.items():
+        mine = [source for source, reader in readers.items() if reader in group.nodes]
+        found[name] = replace(group, nodes=(*group.nodes, *mine))
     return found
 
 

@@ -24,6 +24,17 @@ _STREAM_NAME = r"^[a-z][a-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)?$"
 _GROUP_NODES: Json = {"type": "array", "items": {"type": "string"}, "minItems": 1}
 _ARG: Json = {"$ref": "#/$defs/arg"}
 _STREAM: Json = {"$ref": "#/$defs/stream"}
+_KEY: Json = {
+    "type": "object",
+    "description": "What any Zenoh program puts on a key, wildcards included.",
+    "properties": {
+        "key": {"type": "string", "minLength": 1},
+        "type": {"type": "string"},
+        "max_delay": {"type": ["number", "string"], "default": 0.1},
+    },
+    "required": ["key"],
+    "additionalProperties": False,
+}
 _BOUNDS = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
 _ABOUT = ("description", "default")
 
@@ -64,7 +75,7 @@ def schema(plugins: Mapping[str, Plugin] | None = None) -> Json:
                 "inputs": {
                     "type": "object",
                     "description": "Which stream each input port gets.",
-                    "additionalProperties": _STREAM,
+                    "additionalProperties": {"anyOf": [_STREAM, _KEY]},
                 },
                 "when": {
                     "type": "object",
@@ -75,6 +86,11 @@ def schema(plugins: Mapping[str, Plugin] | None = None) -> Json:
                         "items": {"type": "string"},
                         "minItems": 1,
                     },
+                },
+                "keys": {
+                    "type": "object",
+                    "description": "Zenoh keys of outputs, beside lodeflow/<graph>/<node>/<port>.",
+                    "additionalProperties": {"type": "string"},
                 },
                 "allow": {
                     "description": "Losses of a source that do not fail the run.",

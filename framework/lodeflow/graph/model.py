@@ -9,9 +9,9 @@ from typing import Any, Literal
 from lodeflow.node import SINGLE_PORT, Node, Source
 from lodeflow.params import Params
 
-Loss = Literal["nonfinite", "disorder", "late", "overflow"]
-"""Why a source dropped a sample: NaN or infinite; a stamp that repeats or goes back; later than
-`max_delay`; more than its inbox holds."""
+Loss = Literal["nonfinite", "disorder", "late", "overflow", "gap", "undecodable"]
+"""Why a sample of a source is missing: NaN or infinite; a stamp that repeats or goes back; later
+than `max_delay`; more than its inbox holds; from a key, it did not arrive, or was no record."""
 
 
 @dataclass(frozen=True, order=True)
@@ -52,6 +52,7 @@ class GraphNode:
         inputs: wire of each input port; optional ports may be absent.
         gates: conditions that must all hold for a row to be stepped.
         allow: losses of a source that do not fail the run.
+        keys: further Zenoh keys of its outputs, by port.
     """
 
     name: str
@@ -61,6 +62,7 @@ class GraphNode:
     inputs: Mapping[str, Wire] = field(default_factory=dict)
     gates: tuple[Gate, ...] = ()
     allow: frozenset[Loss] = frozenset()
+    keys: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

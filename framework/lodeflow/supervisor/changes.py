@@ -13,6 +13,7 @@ from lodeflow.errors import GraphError, LodeflowError, RunError
 from lodeflow.graph import Graph, GraphNode, dump, load_graph_text
 from lodeflow.graph.changes import changed_nodes
 from lodeflow.runtime.engine import Engine
+from lodeflow.runtime.exchange import Driver
 from lodeflow.runtime.plan import Change, Plan, PlanNode
 from lodeflow.sync import NEVER
 
@@ -81,18 +82,19 @@ class Changes:
 
     def tend(self) -> None:
         """Carry out orders; called on the engine's thread, between batches."""
-        while self._orders and self._engine.driver is not None:
+        driver = self._engine.driver
+        while self._orders and driver is not None:
             order = self._orders[0]
             if not order.aborted:
-                order.t = self._earliest(order)
+                order.t = self._earliest(order, driver)
                 if order.hold:
                     order.reached.set()
                     order.released.wait(PATIENCE)  # the run is held: nothing moves meanwhile
                     if order.released.is_set() and not order.aborted:
-                        self._apply(order)
+                        self._apply(order, driver)
                     order.done.set()
                 else:
-                    self._apply(order)
+                    self._apply(order, driver)
                     order.reached.set()
             self._orders.popleft()
 
@@ -110,17 +112,15 @@ class Changes:
             raise order.error
         return {"t": order.t}
 
-    def _earliest(self, order: _Order) -> int:
-        driver = self._engine.driver
-        assert driver is not None
-        found = [driver.earliest_change(node.name) for node, _ in order.nodes]
-        return max([*found, self._engine.reached if found == [] else NEVER + 1])
+    def _earliest(self, order: _Order, driver: Driver) -> int:
+        return max(
+            [driver.earliest_change(node.name) for node, _ in order.nodes],
+            default=self._engine.reached,
+        )
 
-    def _apply(self, order: _Order) -> None:
-        driver = self._engine.driver
-        assert driver is not None
+    def _apply(self, order: _Order, driver: Driver) -> None:
         try:
-            earliest = self._earliest(order)
+            earliest = self._earliest(order, driver)
             if order.nodes and order.t < earliest:
                 raise RunError(
                     f"t={order.t} is past: the earliest stamp that can still change is {earliest}"

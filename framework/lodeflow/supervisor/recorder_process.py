@@ -10,7 +10,7 @@ from collections import deque
 from typing import Any
 
 from lodeflow.clock import monotonic
-from lodeflow.errors import LodeflowError
+from lodeflow.errors import LodeflowError, RunError
 from lodeflow.graph import Wire, dump
 from lodeflow.graph.groups import RECORDER
 from lodeflow.recording.events import CHANGE, GAP, LOG, in_range
@@ -26,7 +26,8 @@ GRACE = 1.2
 
 def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any]) -> Report:
     """Record until all streams have ended; see `run_group` for the arguments."""
-    assert setup.recording is not None
+    if setup.recording is None:
+        raise RunError("nothing is recorded in this run")
     report = Report()
     reports: dict[str, dict[str, Any]] = {}
     notes: deque[tuple[str, str]] = deque()

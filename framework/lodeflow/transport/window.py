@@ -9,6 +9,7 @@ import json
 import logging
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import zenoh
 from zenoh.handlers import Callback, FifoChannel
 
 from lodeflow.errors import LodeflowError
+from lodeflow.graph.keyed import FromKey
 from lodeflow.graph.model import Wire
 from lodeflow.messages.cdr import Layout, layout_of
 from lodeflow.messages.message import Message
@@ -24,6 +26,7 @@ from lodeflow.runtime.plan import Plan
 from lodeflow.sync import END, NEVER
 from lodeflow.transport import frame as frames
 from lodeflow.transport import keys
+from lodeflow.transport.outside import subscribe
 from lodeflow.transport.session import close_session, open_session, put
 
 ENCODING = "application/cdr"
@@ -71,11 +74,14 @@ class Window:
         self._wake = wake
         self._changed = True
         self._panes = [
-            _Pane(self.session, graph, Wire(name, port.name), port.type, self._matched)
-            for name, node in plan.nodes.items()
-            if node in plan.mine
+            _Pane(self.session, key, Wire(node.name, port.name), port.type, self._matched)
+            for node in plan.mine
             for port in node.spec.outputs
+            for key in _keys(graph, plan, Wire(node.name, port.name))
         ]
+        for node in plan.sources:
+            if isinstance(node.plugin, FromKey):
+                node.plugin.subscribe = partial(subscribe, self.session)
         self._key = keys.control(graph, group)
         self._questions = self.session.declare_queryable(self._key, FifoChannel(256))
         self._thread = threading.Thread(target=self._serve, name="window", daemon=True)
@@ -129,13 +135,19 @@ class Window:
                 continue
 
 
+def _keys(graph: str, plan: Plan, wire: Wire) -> list[str]:
+    """Return the keys of a stream: its own, and what the graph gives it."""
+    given = plan.graph.nodes[wire.node].keys.get(wire.port)
+    return [keys.stream(graph, wire), *([] if given is None else [given])]
+
+
 class _Pane:
     """One stream as others see it."""
 
     def __init__(
         self,
         session: zenoh.Session,
-        graph: str,
+        key: str,
         wire: Wire,
         kind: type[Message],
         changed: Callable[[], None],
@@ -145,7 +157,7 @@ class _Pane:
         self._layout: Layout = layout_of(kind)
         self._sequence = 0
         self._publisher = session.declare_publisher(
-            keys.stream(graph, wire),
+            key,
             encoding=zenoh.Encoding(ENCODING).with_schema(kind.ros),
             congestion_control=zenoh.CongestionControl.DROP,
         )
