@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 
 
 def children(pid: int) -> list[int]:
     """Return the children of a process, oldest first; zombies are gone."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit() and (stat := _stat(entry)) and stat[1] == pid and stat[0] != "Z":
-            found.append((stat[2], int(entry.name)))
+    entries = [entry for entry in Path("/proc").iterdir() if entry.name.isdigit()]
+    stats = [(stat, int(entry.name)) for entry in entries if (stat := _stat(entry))]
+    found = [(stat[2], child) for stat, child in stats if stat[1] == pid and stat[0] != "Z"]
     return [child for _, child in sorted(found)]
 
 
@@ -46,10 +44,3 @@ def wait_for_recording(path: Path, seconds: float = 60.0) -> None:
     while not path.exists() or path.stat().st_size < 6000:
         assert time.monotonic() < until, f"{path} did not appear"
         time.sleep(0.01)
-
-
-def runtime_dir(folder: Path) -> dict[str, str]:
-    """Return an environment in which run directories lie in a folder of the test."""
-    path = folder / "run"
-    path.mkdir(mode=0o700, exist_ok=True)
-    return {**os.environ, "XDG_RUNTIME_DIR": str(path)}

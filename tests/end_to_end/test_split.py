@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import time
 from pathlib import Path
@@ -14,6 +15,8 @@ from command_line import CommandLine
 from processes import children, gone, wait_for_recording
 
 ALL = ("one", "graph", "split")
+RUN_DIR = "run"
+"""Where the tests' own runs have their sockets, in the folder of the test."""
 
 
 @pytest.fixture
@@ -92,8 +95,6 @@ def test_a_killed_group_is_started_again(toy: CommandLine) -> None:
     wait_for_recording(toy.folder / "out.mcap")
     time.sleep(0.7)
     victim = children(process.pid)[2]  # behind the janitor and the source
-    import os
-
     os.kill(victim, signal.SIGKILL)
     output, errors = process.communicate(timeout=60)
     told = summary(output)

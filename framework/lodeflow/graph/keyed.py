@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any, ClassVar
 
 from lodeflow.clock import Clock, seconds
@@ -55,15 +56,9 @@ class FromKey(Source):
         yield from self.subscribe(self, clock)
 
 
-def from_key(name: str, key: str, kind: type[Message], max_delay: int) -> GraphNode:
-    """Return a source of the messages on a key.
-
-    Args:
-        name: of the node.
-        key: Zenoh key expression.
-        kind: type of the messages.
-        max_delay: ns that a message may come late.
-    """
+@cache
+def source_of(kind: type[Message], max_delay: int) -> type[FromKey]:
+    """Return the source of messages of a type, which may come late by `max_delay` ns."""
 
     def read(self: FromKey, clock: Clock) -> Iterator[Any]:
         return self.messages(clock)
@@ -71,7 +66,8 @@ def from_key(name: str, key: str, kind: type[Message], max_delay: int) -> GraphN
     read.__annotations__["return"] = Iterator[kind]  # type: ignore[valid-type]
     body = {"read": read, "kind": kind, "max_delay": max_delay, "__doc__": FromKey.__doc__}
     made: Any = type("FromKey", (FromKey,), body)
-    return GraphNode(name, USE, made, KeyParams(key=key))
+    found: type[FromKey] = made
+    return found
 
 
 def read_key(
@@ -103,7 +99,7 @@ def read_key(
     delay = _max_delay(tree.find("max_delay"), join(path, "max_delay"), problems)
     if len(problems) > before or key is None:
         return None
-    return from_key(name, str(key.value), kind, delay)
+    return GraphNode(name, USE, source_of(kind, delay), KeyParams(key=str(key.value)))
 
 
 def read_keys(tree: Tree | None, plugin: Plugin, path: str, problems: Problems) -> dict[str, str]:

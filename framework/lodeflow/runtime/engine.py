@@ -70,6 +70,7 @@ class Engine:
         self.live = [n for n in plan.sources if max_delay(n) is not None]
         self.clock: Clock = WallClock() if self.live else SimClock()
         self.first: int | None = None
+        self.last = NEVER
         self.reached = self.clock.start
         self.duration = duration
         self.by_samples = bool(self.live) or speed is not None if samples is None else samples
@@ -82,10 +83,11 @@ class Engine:
     @property
     def span(self) -> int:
         """Event time from the first stamp that a source sent to the last, in nanoseconds."""
-        return 0 if self.first is None else self.reached - self.first
+        return 0 if self.first is None else self.last - self.first
 
     def _saw(self, first: int, last: int) -> None:
         self.first = first if self.first is None else min(self.first, first)
+        self.last = max(self.last, last)
         self.reached = max(self.reached, last)
 
     def stop(self) -> None:

@@ -144,7 +144,7 @@ def _close(
     setup: Setup, name: str, plan: Plan, engine: Engine, links: Links, report: Report
 ) -> None:
     """Say what there was, and see that it arrives."""
-    report.first, report.reached = engine.first, engine.reached
+    report.first, report.reached = engine.first, engine.last
     report.stopped = engine.stopping.is_set()
     report.links = {peer: losses.as_dict() for peer, losses in links.losses.items()}
     group = setup.graph.processes[name]

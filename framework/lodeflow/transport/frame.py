@@ -15,7 +15,7 @@ HELLO = 1
 ACK = 2
 """All before this number has been taken; not in sequence."""
 AGAIN = 3
-"""Send again from this number on; not in sequence."""
+"""Likewise, and send again from the number in `bound` on; not in sequence."""
 STOP = 4
 """End your sources."""
 NOTE = 5

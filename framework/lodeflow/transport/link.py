@@ -25,7 +25,9 @@ ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 1 << 20, 0.02
 """What is taken is acknowledged after so many frames, bytes, or seconds."""
 HELLO_EVERY = 0.05
 SEND_AGAIN_AFTER, SEND_AGAIN_MOST = 0.2, 1.0
-"""Seconds without an acknowledgement until the oldest frame is sent again."""
+"""Seconds without an acknowledgement until the oldest frames are sent again; doubled each time."""
+AGAIN_FRAMES, AGAIN_BYTES = 32, 1 << 20
+"""How much of them: the other side may only be slow."""
 
 _HELLO = struct.Struct("<QQQB16s")
 
@@ -37,7 +39,8 @@ class Hello(NamedTuple):
         incarnation: of the sender; a restarted process has a higher one.
         heard: incarnation of the receiver that the sender knows of, or 0.
         base: number of the oldest frame that the sender still keeps.
-        ready: bit 0: all links of the sender are up; bit 1: it knows that the receiver is ready.
+        ready: bit 0: all links of the sender are up; bit 1: it knows that the receiver is ready;
+            bit 2: it knows that the receiver knows that.
         graph: digest of the graph that it runs.
     """
 
@@ -140,9 +143,9 @@ class Link:
         if frame.sequence >> COUNT_BITS != self._theirs or not self._theirs:
             return  # of an earlier incarnation, or before its hello: it will come again
         if frame.kind in (frames.ACK, frames.AGAIN):
-            self._acknowledged(frame.first, now)
+            self._acknowledged(frame.first, now)  # received is not yet taken
             if frame.kind == frames.AGAIN:
-                self._send_again(now)
+                self._send_again(now, since=frame.bound)
             return
         if frame.kind == frames.BYE:
             self.departed = True
@@ -154,7 +157,7 @@ class Link:
         elif number > self._expected:
             if self._asked[0] != self._expected or now - self._asked[1] > HELLO_EVERY:
                 self._asked = (self._expected, now)
-                self._say(frames.AGAIN, self._expected)
+                self._say(frames.AGAIN, self._done, self._expected)
         else:  # it came twice: the acknowledgement may have been lost
             self._taken_since = self._taken_since or now
             self._taken = max(self._taken, 1)
@@ -195,13 +198,13 @@ class Link:
         elif now - self._progress >= self._patience:
             self._patience = min(2 * self._patience, SEND_AGAIN_MOST)
             self._progress = now
-            self._send_again(now, most=1)
+            self._send_again(now, AGAIN_FRAMES, AGAIN_BYTES)
 
     def greet(self, now: float) -> None:
         """Tell the other side what it may not know yet."""
         self._greeted = now
         base = self._unacked[0][0] if self._unacked else self._next
-        state = int(self.ready) | int(self.peer_ready) << 1
+        state = int(self.ready) | int(self.peer_ready) << 1 | int(self._knows) << 2
         hello = _HELLO.pack(self.incarnation, self._theirs, base, state, self.graph)
         put(self.publisher, hello, attach(0, 0, 0, 0, frames.HELLO, self.index, 0))
 
@@ -216,9 +219,9 @@ class Link:
         self.arrived.clear()
         self._bytes = 0
 
-    def _say(self, kind: int, number: int) -> None:
+    def _say(self, kind: int, done: int, missing: int = 0) -> None:
         sequence = self.incarnation << COUNT_BITS
-        put(self.publisher, b"", attach(sequence, number, 0, 0, kind, self.index, 0))
+        put(self.publisher, b"", attach(sequence, done, missing, 0, kind, self.index, 0))
 
     def _hear(self, payload: bytes, now: float) -> None:
         if len(payload) != _HELLO.size:
@@ -242,8 +245,12 @@ class Link:
             self._send_again(now)
         self.peer_ready = bool(hello.ready & 1)
         self._knows = hello.heard == self.incarnation and bool(hello.ready & 2)
-        lacks = hello.heard != self.incarnation or (self.ready and not hello.ready & 2)
-        if lacks:
+        # Answer only what it does not know yet and we do: else two would talk without end.
+        if (
+            hello.heard != self.incarnation
+            or (self.ready and not hello.ready & 2)
+            or (self.peer_ready and not hello.ready & 4)
+        ):
             self.greet(now)
 
     def _acknowledged(self, number: int, now: float) -> None:
@@ -254,8 +261,14 @@ class Link:
             self._progress = now
             self._patience = SEND_AGAIN_AFTER
 
-    def _send_again(self, now: float, most: int = WINDOW) -> None:
+    def _send_again(
+        self, now: float, most: int = WINDOW, size: float = float("inf"), since: int = 0
+    ) -> None:
+        """Send the oldest frames again: so many from a number on, no more after so many bytes."""
         self._progress = now
-        for _, attachment, payload in list(self._unacked)[:most]:
+        for _, attachment, payload in [one for one in self._unacked if one[0] >= since][:most]:
             self.sent_again += 1
             put(self.publisher, payload, attachment)
+            size -= len(payload)
+            if size <= 0:
+                break
