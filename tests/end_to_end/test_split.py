@@ -130,10 +130,10 @@ def test_a_slow_reader_holds_the_sources_back(toy: CommandLine) -> None:
 def test_a_slow_reader_makes_a_live_device_overflow_and_that_is_counted(toy: CommandLine) -> None:
     toy.write("live.yaml", toys.GRAPH.replace(
         '{use: "toys:Ticks", params: {rate: "${rate}", seconds: "${seconds}"}}',
-        '{use: "toys:Device", params: {rate: 3000}}').replace(
+        '{use: "toys:Device", params: {burst: 10}}').replace(
         "args: {rate: 200, seconds: 3600}\n", ""))  # fmt: skip
-    process = toy.start("run", "live.yaml", "--set", "double.sleep=0.02", "--json", "--no-record",
-                        "--duration", "12")  # fmt: skip
+    process = toy.start("run", "live.yaml", "--set", "double.sleep=0.0003", "--json", "--no-record",
+                        "--duration", "3")  # fmt: skip
     output, errors = process.communicate(timeout=120)
     told = summary(output)
     lost = told["nodes"]["ticks"]["lost"]

@@ -29,9 +29,14 @@ Tell = Callable[[Any], None]
 
 
 def open_links(
-    setup: Setup, name: str, on_note: Callable[[str, str], None] = lambda group, text: None
+    setup: Setup,
+    name: str,
+    orders: deque[Any],
+    on_note: Callable[[str, str], None] = lambda group, text: None,
 ) -> tuple[Links, Callable[[], None]]:
     """Open the links of a group; return them, and what closes them.
+
+    What the supervisor orders is done whenever frames are looked for.
 
     Each pair of groups of a host has one link: the later one in the list connects.
     """
@@ -46,7 +51,15 @@ def open_links(
         settings=LINKS,
         config=setup.config,
     )
-    links = Links(session, setup.graph, part, setup.groups, setup.digest, on_note=on_note)
+    links = Links(
+        session,
+        setup.graph,
+        part,
+        setup.groups,
+        setup.digest,
+        on_note=on_note,
+        attend=lambda links: obey(links, orders),
+    )
 
     def close() -> None:
         links.close()
@@ -72,7 +85,7 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
     plan = Plan(part_of(setup.graph, part.nodes, part.inlets))
     report = Report({node: plan.nodes[node].counters for node in part.nodes})
     keep_scores(plan, report.scores)
-    links, close = open_links(setup, name)
+    links, close = open_links(setup, name, orders)
     awake.append(links.wake)
     for wire in part.outlets:
         plan.tap(wire, links.tap(wire))
@@ -81,7 +94,6 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
 
     def watch(t: int) -> None:
         log.reached = max(log.reached, t)
-        obey(links, orders)
         window.tend(engine.driver)
         answers.tend()
         if links.stop_asked and not engine.stopping.is_set():

@@ -16,7 +16,7 @@ from lodeflow.graph.groups import RECORDER
 from lodeflow.recording.events import CHANGE, GAP, LOG, in_range
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import TICK
-from lodeflow.supervisor.group import Tell, obey, open_links
+from lodeflow.supervisor.group import Tell, open_links
 from lodeflow.supervisor.interrupt import interruptible
 from lodeflow.supervisor.setup import Report, Setup
 
@@ -31,7 +31,9 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
     report = Report()
     reports: dict[str, dict[str, Any]] = {}
     notes: deque[tuple[str, str]] = deque()
-    links, close = open_links(setup, RECORDER, lambda group, text: notes.append((group, text)))
+    links, close = open_links(
+        setup, RECORDER, orders, lambda group, text: notes.append((group, text))
+    )
     awake.append(links.wake)
     recorder = Recorder(
         setup.recording.path, graph=dump(setup.graph), provenance=setup.recording.provenance
@@ -55,7 +57,6 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
                 recorder.reached = max(recorder.reached, int(block.t[-1]))
         while notes:
             _note(recorder, reports, *notes.popleft())
-        obey(links, orders)
         links.flush()
         recorder.keep_up(recorder.reached)
 

@@ -49,6 +49,7 @@ class Links:
         groups: names of all groups, in the same order everywhere.
         digest: 16 bytes that tell the graph from others; groups of another do not link.
         on_note: called with each text that another group sends for the recorder.
+        attend: called whenever frames are looked for, also before and after the data.
 
     Attributes:
         losses: per link, what did not arrive.
@@ -64,6 +65,7 @@ class Links:
         digest: bytes = bytes(16),
         *,
         on_note: Callable[[str, str], None] = lambda group, text: None,
+        attend: Callable[[Links], None] = lambda links: None,
     ) -> None:
         self.part = part
         self.outlets = frozenset(part.outlets)
@@ -107,6 +109,7 @@ class Links:
             if sender not in part.knot and _speaks_by_step(graph, wire)
         ]
         self._on_note = on_note
+        self._attend = attend
         self._driver: Driver | None = None
         self.stop_asked = False
         self.ready: deque[Arrival] = deque()
@@ -291,6 +294,7 @@ class Links:
     # ---- inside ------------------------------------------------------------------------------
 
     def _drain(self, now: float) -> None:
+        self._attend(self)
         while (sample := self._subscriber.try_recv()) is not None:
             self._receive(sample, now)
 
