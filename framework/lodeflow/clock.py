@@ -80,3 +80,8 @@ def monotonic() -> float:
 def wall_time() -> int:
     """Return wall time in nanoseconds, for provenance and file names, never for data."""
     return time.time_ns()
+
+
+def sleep(duration: float) -> None:
+    """Do nothing for so many seconds; for supervisors, never for data."""
+    time.sleep(duration)

@@ -128,9 +128,12 @@ class Source(_Plugin):
     Attributes:
         max_delay: for live devices, how late (ns) behind the clock a sample may come; the source
             is then read in a thread of its own. None for data that is all there.
+        own_bounds: a live source says by itself, with `Bound`, how far it has come; else its
+            bound follows the clock, `max_delay` behind it.
     """
 
     max_delay: ClassVar[int | None] = None
+    own_bounds: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

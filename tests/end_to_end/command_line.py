@@ -25,6 +25,10 @@ class CommandLine:
         self.folder = folder
         self.started: list[subprocess.Popen[str]] = []
         self.environment = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
+        # Runs of other tests, and of whoever runs the tests, are none of ours.
+        runtime = folder / "run"
+        runtime.mkdir(mode=0o700)
+        self.environment["XDG_RUNTIME_DIR"] = str(runtime)
 
     def __call__(self, *arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
         """Run to the end and check the exit code."""

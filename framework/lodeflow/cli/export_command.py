@@ -9,7 +9,8 @@ import click
 from lodeflow.cli.message_types import declare_installed
 from lodeflow.cli.options import JSON
 from lodeflow.cli.output import RESULT, STATUS, print_json
-from lodeflow.recording.columns import LOG_TOPIC, stream_of
+from lodeflow.recording.columns import stream_of
+from lodeflow.recording.events import EVENT_TOPICS
 from lodeflow.recording.export import export
 from lodeflow.recording.reader import Recording
 
@@ -30,7 +31,7 @@ def command(rec: Path, form: str, out: Path, streams: tuple[str, ...], as_json: 
     with Recording(rec) as recording:
         files, left_out = export(recording, form, out, streams)
     for topic, why in left_out.items():
-        if topic != LOG_TOPIC:
+        if topic not in EVENT_TOPICS:
             STATUS.print(f"left out: {why}", soft_wrap=True, markup=False)
     if as_json:
         print_json({stream_of(topic): str(path) for topic, path in files.items()})

@@ -13,7 +13,8 @@ from lodeflow.cli.message_types import declare_installed
 from lodeflow.cli.options import JSON
 from lodeflow.cli.output import RESULT, print_json, table
 from lodeflow.errors import RecordingError
-from lodeflow.recording.columns import LOG_TOPIC, stream_of
+from lodeflow.recording.columns import stream_of
+from lodeflow.recording.events import EVENT_TOPICS
 from lodeflow.recording.info import Info, info
 
 
@@ -87,7 +88,7 @@ def lines(found: Info) -> list[str]:
     said += [
         f"listed only: '{stream_of(topic)}' {stream.unread}"
         for topic, stream in found.streams.items()
-        if stream.unread and topic != LOG_TOPIC
+        if stream.unread and topic not in EVENT_TOPICS
     ]
     others = [name for name in found.attachments if name != "graph.yaml"]
     said += [f"attached: {name} ({found.attachments[name]} bytes)" for name in others]

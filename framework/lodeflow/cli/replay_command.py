@@ -19,10 +19,12 @@ from lodeflow.cli.run_command import Progress, report
 from lodeflow.errors import GraphError, RecordingError
 from lodeflow.graph import Graph, Record, load_graph, load_graph_text
 from lodeflow.recording.compare import compare
+from lodeflow.recording.past import read_past
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.replay import Replay, replaying, without_effect
 from lodeflow.supervisor.run import run
+from lodeflow.supervisor.seen import Look
 from lodeflow.supervisor.summary import Summary
 
 
@@ -87,6 +89,7 @@ def command(
         loaded = _graph(source, graph, overrides)
         replay = replaying(loaded, source, start=start, complete=not no_record)
         about = _about(source, replay)
+        past = read_past(source, loaded, _overridden(overrides).__contains__)
         checked = [wire for wire in replay.recomputed if topic(wire) in source.topics]
     _refuse_without_effect(replay, overrides)
     if check and not checked:
@@ -104,6 +107,8 @@ def command(
                 progress=progress,
                 command=sys.argv[1:],
                 about=about,
+                look=Look(),
+                past=past,
             )
 
     if not check:
@@ -132,6 +137,14 @@ def _about(source: Recording, replay: Replay) -> dict[str, str]:
     return {
         "replay_of": str(source.path),
         "replay_fed": json.dumps([str(wire) for wire in replay.fed]),
+    }
+
+
+def _overridden(overrides: Mapping[str, Sequence[str]]) -> set[str]:
+    """Return the nodes that were set or swapped; what befell them before is not repeated."""
+    return {
+        text.partition("=")[0].partition(".")[0].strip()
+        for text in (*overrides["sets"], *overrides["swaps"])
     }
 
 

@@ -15,9 +15,12 @@ from lodeflow.cli.options import GRAPH, JSON, overrides
 from lodeflow.cli.output import RESULT, STATUS, log_to_stderr, print_json, score_lines, table
 from lodeflow.clock import monotonic
 from lodeflow.graph import load_graph
+from lodeflow.graph.partition import split, unsplit
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.run import run
+from lodeflow.supervisor.seen import Look
 from lodeflow.supervisor.summary import Summary
+from lodeflow.supervisor.supervise import supervise
 
 
 @click.command()
@@ -32,6 +35,41 @@ from lodeflow.supervisor.summary import Summary
     metavar="S",
     help="Seconds of event time to run for.",
 )
+@click.option(
+    "--processes",
+    type=click.Choice(["graph", "split", "one"]),
+    default="graph",
+    help="Processes: those of the graph file, one per node, or one. [default: graph]",
+)
+@click.option(
+    "--only", multiple=True, metavar="GROUP", help="Run this group here; others run elsewhere."
+)
+@click.option(
+    "--listen",
+    multiple=True,
+    metavar="[GROUP=]ENDPOINT",
+    help="Where groups of other hosts link to, such as tcp/0.0.0.0:7447.",
+)
+@click.option(
+    "--connect", multiple=True, metavar="ENDPOINT", help="Where a group of another host listens."
+)
+@click.option(
+    "--zenoh-listen",
+    multiple=True,
+    metavar="[GROUP=]ENDPOINT",
+    help="Where other programs can look in from other hosts, such as tcp/0.0.0.0:7450.",
+)
+@click.option(
+    "--zenoh-connect",
+    multiple=True,
+    metavar="ENDPOINT",
+    help="Where other programs, or a Zenoh router, listen.",
+)
+@click.option(
+    "--zenoh-config",
+    type=click.Path(dir_okay=False, exists=True, path_type=Path),
+    help="Zenoh configuration: certificates, users, access control.",
+)
 @JSON
 def command(
     graph: Path,
@@ -40,6 +78,13 @@ def command(
     no_record: bool,
     realtime: bool,
     duration: float | None,
+    processes: str,
+    only: tuple[str, ...],
+    listen: tuple[str, ...],
+    connect: tuple[str, ...],
+    zenoh_listen: tuple[str, ...],
+    zenoh_connect: tuple[str, ...],
+    zenoh_config: Path | None,
     as_json: bool,
 ) -> int:
     """Run a graph to the end of its data, record it, and say what came of it.
@@ -52,8 +97,31 @@ def command(
     loaded = load_graph(graph, **overrides)
     for note in loaded.notes:
         STATUS.print(note, soft_wrap=True)
+    if processes == "split":
+        loaded = split(loaded)
+    elif processes == "one":
+        loaded = unsplit(loaded)
     if loaded.processes:
-        STATUS.print("processes: the groups run together in one process for now")
+        summary = supervise(
+            loaded,
+            only=[name for names in only for name in names.split(",")],
+            listen=_endpoints(listen, only),
+            connect=connect,
+            open_to=_endpoints(zenoh_listen, only),
+            outside=zenoh_connect,
+            config=zenoh_config,
+            record="" if no_record else record,
+            speed=1.0 if realtime else None,
+            duration=duration,
+            command=sys.argv[1:],
+            say=_say,
+        )
+        return report(summary, as_json=as_json)
+    if only or listen or connect:
+        raise click.UsageError("--only, --listen and --connect need a graph with processes")
+    for endpoint in zenoh_listen:
+        if "=" in endpoint:
+            raise click.UsageError(f"--zenoh-listen {endpoint}: this graph has no groups")
     log_to_stderr()
     with Progress() as progress:
         summary = run(
@@ -63,8 +131,28 @@ def command(
             duration=duration,
             progress=progress,
             command=sys.argv[1:],
+            look=Look(zenoh_listen, zenoh_connect, zenoh_config),
         )
     return report(summary, as_json=as_json)
+
+
+def _endpoints(listen: tuple[str, ...], only: tuple[str, ...]) -> dict[str, list[str]]:
+    """Return the endpoints of each group: GROUP=ENDPOINT, or ENDPOINT where only one runs."""
+    found: dict[str, list[str]] = {}
+    for text in listen:
+        group, equals, endpoint = text.partition("=")
+        if not equals:
+            if len(only) != 1 or "," in only[0]:
+                raise click.UsageError(
+                    f"{text}: several groups run here; say whose it is: GROUP={text}"
+                )
+            group, endpoint = only[0], text
+        found.setdefault(group, []).append(endpoint)
+    return found
+
+
+def _say(group: str, line: str) -> None:
+    STATUS.print(Text(f"[{group}] {line}"), soft_wrap=True)
 
 
 def report(summary: Summary, *, as_json: bool = False) -> int:

@@ -7,12 +7,14 @@ from typing import Any, get_args
 
 from lodeflow.errors import NodeError, did_you_mean
 from lodeflow.graph.arguments import NAME, RECORD_FIELDS, path_fields
+from lodeflow.graph.groups import read_groups, with_sources
+from lodeflow.graph.keyed import read_keys
 from lodeflow.graph.layers import NODE_KEYS
 from lodeflow.graph.model import Graph, GraphNode, Loss, Record, Wire
 from lodeflow.graph.parameters import read_params
 from lodeflow.graph.plugins import Plugin, load_plugin
 from lodeflow.graph.problems import Problems, join, show
-from lodeflow.graph.reading import TITLE, check_keys, is_file, is_misspelt, mapping, missing, title
+from lodeflow.graph.reading import check_keys, is_file, is_misspelt, mapping, missing, title
 from lodeflow.graph.tree import Tree
 from lodeflow.graph.wiring import Wiring
 from lodeflow.params import Params
@@ -42,9 +44,13 @@ def check(
     wiring = Wiring({node: draft.plugin for node, draft in drafts.items()}, problems)
     finished = {node: draft.finish(wiring, problems) for node, draft in drafts.items()}
     nodes = {node: found for node, found in finished.items() if found}
+    nodes |= {name: source for name, (_, source) in wiring.keyed.items()}
     wiring.cycles(nodes)
     record = _record(tree, args, wiring, problems)
-    processes = _processes(tree, drafts, problems)
+    processes = with_sources(
+        read_groups(tree.find("processes"), drafts, problems),
+        {source: reader for source, (reader, _) in wiring.keyed.items()},
+    )
     return None if len(problems) else Graph(name, nodes, record, processes, args, **described)
 
 
@@ -101,6 +107,7 @@ class _Draft:
             inputs,
             gates,
             frozenset(allow),
+            read_keys(self.tree.find("keys"), plugin, join(self.path, "keys"), problems),
         )
 
     def _allow(self, problems: Problems) -> list[Loss]:
@@ -180,37 +187,3 @@ def _check_path(path: Tree, to: str, args: Mapping[str, Any], problems: Problems
             what = f"the arg '{field}' is {show(args[field])}, which cannot stand in a path"
             what += f"; give one with --arg {field}=..." if args[field] is None else ""
             path.refuse(problems, "record.to", what)
-
-
-def _processes(
-    tree: Tree, nodes: Mapping[str, _Draft], problems: Problems
-) -> dict[str, tuple[str, ...]]:
-    given = tree.find("processes")
-    groups = mapping(given, "processes", "groups to lists of nodes", problems)
-    placed: dict[str, str] = {}
-    found: dict[str, tuple[str, ...]] = {}
-    for group, members in groups.items():
-        path = join("processes", group)
-        if not TITLE.fullmatch(group):
-            what = "a name is a-z, then a-z, 0-9, _ and -"
-            problems.add(members.name_place, path, what)
-        if not members.items:
-            what = f"should be a list of nodes, got {show(members.plain())}"
-            members.refuse(problems, path, what)
-        for item in members.items:
-            name = item.value
-            if not isinstance(name, str) or name not in nodes:
-                near = did_you_mean(str(name), nodes)
-                item.refuse(problems, path, f"no node {show(item.plain())}{near}")
-            elif name in placed:
-                what = f"'{name}' is in group '{placed[name]}' already; a node runs in one"
-                item.refuse(problems, path, what)
-            else:
-                placed[name] = group
-        found[group] = tuple(str(item.value) for item in members.items)
-    left = [name for name in nodes if name not in placed]
-    all_right = sum(map(len, found.values())) == len(placed)
-    if given and groups and left and all_right:
-        what = f"in no group: {', '.join(left)}; add to one"
-        problems.add(given.name_place, "processes", what)
-    return found

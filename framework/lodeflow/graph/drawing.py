@@ -33,7 +33,7 @@ def draw(graph: Graph, format: Format = "text") -> str:  # noqa: A002 - the opti
 def _text(graph: Graph) -> str:
     count = sum(1 for _ in graph.streams())
     lines = [f"{graph.name}: {_plural(len(graph.nodes), 'node')}, {_plural(count, 'stream')}"]
-    groups = {node: group for group, nodes in graph.processes.items() for node in nodes}
+    groups = {node: group for group, it in graph.processes.items() for node in it.nodes}
     width = max((len(name) for name in graph.nodes), default=0)
     done, left = order(graph.nodes)
     for name in [*done, *left]:
@@ -84,10 +84,10 @@ def _mermaid(graph: Graph) -> str:
         opening, closing = ("([", "])") if node.plugin.spec.is_source else ("[", "]")
         return f'{indent}n_{node.name}{opening}"{label}"{closing}'
 
-    grouped = {name for nodes in graph.processes.values() for name in nodes}
-    for group, nodes in graph.processes.items():
+    grouped = {name for group in graph.processes.values() for name in group.nodes}
+    for group, members in graph.processes.items():
         lines.append(f'  subgraph g_{group}["{_entities(group)}"]')
-        lines += [box(graph.nodes[name], "    ") for name in nodes]
+        lines += [box(graph.nodes[name], "    ") for name in members.nodes]
         lines.append("  end")
     lines += [box(node, "  ") for name, node in graph.nodes.items() if name not in grouped]
     for edge in edges(graph.nodes):
@@ -104,11 +104,11 @@ def _dot(graph: Graph) -> str:
         style = ", style=rounded" if node.plugin.spec.is_source else ""
         return f"{indent}{_quoted(node.name)} [label={_quoted(node.name, node.use)}{style}];"
 
-    grouped = {name for nodes in graph.processes.values() for name in nodes}
-    for group, nodes in graph.processes.items():
+    grouped = {name for group in graph.processes.values() for name in group.nodes}
+    for group, members in graph.processes.items():
         lines.append(f"  subgraph {_quoted('cluster_' + group)} {{")
         lines.append(f"    label={_quoted(group)};")
-        lines += [box(graph.nodes[name], "    ") for name in nodes]
+        lines += [box(graph.nodes[name], "    ") for name in members.nodes]
         lines.append("  }")
     lines += [box(node, "  ") for name, node in graph.nodes.items() if name not in grouped]
     for edge in edges(graph.nodes):

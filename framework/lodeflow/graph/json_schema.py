@@ -11,7 +11,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from lodeflow.errors import NodeError
 from lodeflow.graph.check import FORMAT, RECORDED_TO
-from lodeflow.graph.model import Loss
+from lodeflow.graph.model import Loss, OnCrash, Restart
 from lodeflow.graph.plugins import Plugin, field_of, load_plugin, unit
 from lodeflow.registry import registry
 
@@ -21,8 +21,20 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _NAME = "^[a-z][a-z0-9_]*$"
 _GROUP = "^[a-z][a-z0-9_-]*$"
 _STREAM_NAME = r"^[a-z][a-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)?$"
+_GROUP_NODES: Json = {"type": "array", "items": {"type": "string"}, "minItems": 1}
 _ARG: Json = {"$ref": "#/$defs/arg"}
 _STREAM: Json = {"$ref": "#/$defs/stream"}
+_KEY: Json = {
+    "type": "object",
+    "description": "What any Zenoh program puts on a key, wildcards included.",
+    "properties": {
+        "key": {"type": "string", "minLength": 1},
+        "type": {"type": "string"},
+        "max_delay": {"type": ["number", "string"], "default": 0.1},
+    },
+    "required": ["key"],
+    "additionalProperties": False,
+}
 _BOUNDS = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
 _ABOUT = ("description", "default")
 
@@ -63,7 +75,7 @@ def schema(plugins: Mapping[str, Plugin] | None = None) -> Json:
                 "inputs": {
                     "type": "object",
                     "description": "Which stream each input port gets.",
-                    "additionalProperties": _STREAM,
+                    "additionalProperties": {"anyOf": [_STREAM, _KEY]},
                 },
                 "when": {
                     "type": "object",
@@ -74,6 +86,11 @@ def schema(plugins: Mapping[str, Plugin] | None = None) -> Json:
                         "items": {"type": "string"},
                         "minItems": 1,
                     },
+                },
+                "keys": {
+                    "type": "object",
+                    "description": "Zenoh keys of outputs, beside lodeflow/<graph>/<node>/<port>.",
+                    "additionalProperties": {"type": "string"},
                 },
                 "allow": {
                     "description": "Losses of a source that do not fail the run.",
@@ -128,9 +145,21 @@ def schema(plugins: Mapping[str, Plugin] | None = None) -> Json:
                 "description": "Nodes of each process; each node in one of them.",
                 "propertyNames": {"pattern": _GROUP},
                 "additionalProperties": {
-                    "type": "array",
-                    "items": {"type": "string"},
-                    "minItems": 1,
+                    "anyOf": [
+                        _GROUP_NODES,
+                        {
+                            "type": "object",
+                            "properties": {
+                                "nodes": _GROUP_NODES,
+                                "restart": {"enum": list(get_args(Restart)), "default": "never"},
+                                "limit": {"type": "integer", "minimum": 0, "default": 5},
+                                "on_crash": {"enum": list(get_args(OnCrash)), "default": "stop"},
+                                "allow_gaps": {"type": "boolean", "default": False},
+                            },
+                            "required": ["nodes"],
+                            "additionalProperties": False,
+                        },
+                    ]
                 },
             },
         },

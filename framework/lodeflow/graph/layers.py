@@ -17,7 +17,7 @@ from lodeflow.graph.tree import Tree, parse
 
 FIRST_OPTION = 1000
 """Rank of the first option; files come before."""
-NODE_KEYS = ("use", "params", "inputs", "when", "allow")
+NODE_KEYS = ("use", "params", "inputs", "when", "allow", "keys")
 
 
 Kind = Literal["swap", "set", "arg"]

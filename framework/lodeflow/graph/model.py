@@ -9,9 +9,9 @@ from typing import Any, Literal
 from lodeflow.node import SINGLE_PORT, Node, Source
 from lodeflow.params import Params
 
-Loss = Literal["nonfinite", "disorder", "late", "overflow"]
-"""Why a source dropped a sample: NaN or infinite; a stamp that repeats or goes back; later than
-`max_delay`; more than its inbox holds."""
+Loss = Literal["nonfinite", "disorder", "late", "overflow", "gap", "undecodable"]
+"""Why a sample of a source is missing: NaN or infinite; a stamp that repeats or goes back; later
+than `max_delay`; more than its inbox holds; from a key, it did not arrive, or was no record."""
 
 
 @dataclass(frozen=True, order=True)
@@ -52,6 +52,7 @@ class GraphNode:
         inputs: wire of each input port; optional ports may be absent.
         gates: conditions that must all hold for a row to be stepped.
         allow: losses of a source that do not fail the run.
+        keys: further Zenoh keys of its outputs, by port.
     """
 
     name: str
@@ -61,6 +62,7 @@ class GraphNode:
     inputs: Mapping[str, Wire] = field(default_factory=dict)
     gates: tuple[Gate, ...] = ()
     allow: frozenset[Loss] = frozenset()
+    keys: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,31 @@ class Record:
     streams: tuple[Wire, ...] | None = None
 
 
+Restart = Literal["never", "on-failure", "always"]
+"""When the process of a group is started again after it has ended before its data."""
+OnCrash = Literal["stop", "continue"]
+"""What the other groups do once a group is gone for good."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Nodes that run in one process, and what happens when it crashes.
+
+    Attributes:
+        nodes: their names.
+        restart: when its process is started again; it begins anew, without its state.
+        limit: starts again within a run, at most.
+        on_crash: what the others do when it is not started again.
+        allow_gaps: a crash of this group does not fail the run.
+    """
+
+    nodes: tuple[str, ...]
+    restart: Restart = "never"
+    limit: int = 5
+    on_crash: OnCrash = "stop"
+    allow_gaps: bool = False
+
+
 @dataclass(frozen=True)
 class Graph:
     """A checked graph.
@@ -84,7 +111,7 @@ class Graph:
         name: name of the graph, part of every key and file name.
         nodes: by name, in the order of the file.
         record: what is recorded by default; None for nothing.
-        processes: node names of each process group; empty for one process.
+        processes: the process groups; empty for one process.
         args: the arguments with the values in force.
         document: the resolved file as plain data: what a run needs to be repeated.
         notes: what to tell the user although it is no mistake (params that a swap dropped).
@@ -93,7 +120,7 @@ class Graph:
     name: str
     nodes: Mapping[str, GraphNode]
     record: Record | None = None
-    processes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    processes: Mapping[str, Group] = field(default_factory=dict)
     args: Mapping[str, Any] = field(default_factory=dict)
     document: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = field(default=(), compare=False)

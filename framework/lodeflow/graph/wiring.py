@@ -7,12 +7,13 @@ from collections.abc import Mapping
 
 from lodeflow.errors import did_you_mean
 from lodeflow.graph import topology
+from lodeflow.graph.keyed import read_key
 from lodeflow.graph.model import Gate, GraphNode, Wire
 from lodeflow.graph.plugins import Plugin
 from lodeflow.graph.problems import Place, Problems, join, show
 from lodeflow.graph.tree import Tree
 from lodeflow.messages.message import Message
-from lodeflow.node import InputPort, NodeSpec, OutputPort
+from lodeflow.node import SINGLE_PORT, InputPort, NodeSpec, OutputPort
 
 _WIRE = re.compile(r"([a-z][a-z0-9_]*)(?:\.([A-Za-z_]\w*))?", re.ASCII)
 
@@ -23,12 +24,16 @@ class Wiring:
     Args:
         plugins: class of each node, None where it is not known (its ports are not judged then).
         problems: where problems are added.
+
+    Attributes:
+        keyed: sources that inputs from Zenoh keys ask for, by name, with the node that reads each.
     """
 
     def __init__(self, plugins: Mapping[str, Plugin | None], problems: Problems) -> None:
         self._plugins = plugins
         self._problems = problems
         self._written: dict[tuple[str, str | None, Wire], tuple[Place, str]] = {}
+        self.keyed: dict[str, tuple[str, GraphNode]] = {}
 
     def inputs(self, name: str, tree: Tree | None, owner: Place) -> dict[str, Wire]:
         """Return the wires of a node's inputs.
@@ -72,6 +77,8 @@ class Wiring:
         return wires
 
     def _input(self, name: str, value: Tree, path: str, port: InputPort | None) -> Wire | None:
+        if isinstance(value.value, dict):
+            return self._from_key(name, value, path, port) if port else None
         found = self._stream(value, path, port.type if port else None, but=name)
         if found is None:
             return None
@@ -85,6 +92,16 @@ class Wiring:
             value.refuse(self._problems, path, what)
             return None
         return wire
+
+    def _from_key(self, name: str, value: Tree, path: str, port: InputPort) -> Wire | None:
+        source = f"{name}_{port.name}"
+        while source in self._plugins or source in self.keyed:
+            source += "_key"
+        node = read_key(source, value, path, port.type, self._problems)
+        if node is None:
+            return None
+        self.keyed[source] = name, node
+        return Wire(source, SINGLE_PORT)
 
     def gates(self, name: str, tree: Tree | None) -> tuple[Gate, ...]:
         """Return the conditions of a node, its `when`."""

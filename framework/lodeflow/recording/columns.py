@@ -6,9 +6,6 @@ import numpy as np
 
 from lodeflow.messages.fields import FieldSpec
 
-LOG_TOPIC = "/rosout"
-"""What nodes log; no data stream."""
-
 _AXES = {"geometry_msgs/Vector3": "xyz", "geometry_msgs/Quaternion": "xyzw"}
 
 

@@ -15,8 +15,9 @@ from mcap import records as mcap
 
 from lodeflow.errors import MessageError, RecordingError, did_you_mean
 from lodeflow.messages.message import Message
-from lodeflow.recording.columns import LOG_TOPIC, stream_of, topic_of
+from lodeflow.recording.columns import stream_of, topic_of
 from lodeflow.recording.comparison import Comparison, StreamComparison
+from lodeflow.recording.events import EVENT_TOPICS
 from lodeflow.recording.fit import Channels, kind_of, translated
 from lodeflow.recording.mcap.file import McapFile
 from lodeflow.recording.mcap.raw import parts, topics
@@ -57,7 +58,8 @@ def compare(
         found = [topics(file) for file in files]
         names = dict.fromkeys([*found[0], *found[1]])
         if streams is None:
-            names.pop(LOG_TOPIC, None)
+            for event in EVENT_TOPICS:
+                names.pop(event, None)
         else:
             for topic in streams:
                 if topic not in names:

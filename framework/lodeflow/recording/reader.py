@@ -14,7 +14,7 @@ from lodeflow.messages.cdr import StreamConstants
 from lodeflow.messages.message import Message
 from lodeflow.recording.fit import decoder, kind_of, require_cdr, type_name
 from lodeflow.recording.mcap.file import McapFile, where
-from lodeflow.recording.mcap.raw import indexed, places, topics
+from lodeflow.recording.mcap.raw import indexed, parts, places, topics
 from lodeflow.recording.mcap.summary import ChunkPlace
 from lodeflow.recording.stream import StreamDecoder
 
@@ -147,6 +147,18 @@ class Recording:
         """Yield the blocks of one topic; see `blocks`. Several can be read side by side."""
         found: Iterator[dict[str, Any]] = self.blocks({topic: kind}, start, end)
         return (blocks[topic] for blocks in found)
+
+    def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
+        """Yield the log time, ns, and payload of each message of a topic; none if it is unknown.
+
+        Raises:
+            RecordingError: the file is damaged.
+        """
+        channels = [channel.id for channel in self._channels.get(topic, ())]
+        for found in parts(self._file, {topic: channels}) if channels else ():
+            rows = found[topic].rows(self._file, topic)
+            for index, t in enumerate(rows.t.tolist()):
+                yield t, rows.payload(index)
 
     def _blocks(
         self, streams: Mapping[str, StreamDecoder], start: int | None, end: int | None

@@ -7,10 +7,9 @@ closed at least once a second, so that a kill loses less than that.
 from __future__ import annotations
 
 import logging
-import struct
 import threading
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,10 +19,10 @@ import numpy as np
 from lodeflow.clock import monotonic
 from lodeflow.errors import MessageError, RecordingError
 from lodeflow.graph.model import Wire
-from lodeflow.messages.cdr import HEADER, Layout, StreamConstants, layout_of
+from lodeflow.messages.cdr import Layout, StreamConstants, layout_of
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
-from lodeflow.recording.columns import LOG_TOPIC
+from lodeflow.recording.events import LOG, EventKind, in_range, log_fields
 from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.runtime.plan import Plan
 
@@ -38,13 +37,9 @@ STACK = 4096
 """Samples that are written as one block."""
 LAG = 0.7
 """Seconds that a run of blocks may be ahead of what a kill leaves before it is held back."""
-LOG_SCHEMA = (
-    "rcl_interfaces/msg/Log",
-    "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n"
-    "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\n"
-    "string function\nuint32 line\n" + "=" * 80 + "\nMSG: builtin_interfaces/Time\n"
-    "int32 sec\nuint32 nanosec\n",
-)
+
+Taker = Callable[[Message], None]
+"""Takes the messages of a stream, samples or blocks."""
 
 
 def topic(wire: Wire) -> str:
@@ -77,7 +72,9 @@ class Recorder:
         self.error: RecordingError | None = None
         self.reached = 0
         self.settled = monotonic()  # what came before then is in closed chunks
-        self._log = _LogStream(self)
+        self._log = _LogHandler(self)
+        self._events: deque[tuple[EventKind, int, bytes]] = deque()
+        self._event_channels: dict[EventKind, int] = {}
         self._closing = False
         self._wake = threading.Event()
         self._room = threading.Event()
@@ -88,28 +85,44 @@ class Recorder:
         plan: Plan,
         wires: Iterable[Wire],
         constants: Mapping[Wire, StreamConstants] = MappingProxyType({}),
+        filtered: Callable[[Wire, Taker], Taker] = lambda wire, take: take,
     ) -> None:
         """Record these streams of a plan, and what its nodes log; then start writing.
 
         Args:
-            plan: what runs.
+            plan: whose streams are recorded.
             wires: the streams.
             constants: frame_id and undeclared members of streams that have others than the
                 defaults of their types.
+            filtered: may put something between a stream and what takes its messages.
         """
         kinds = {
             Wire(name, port.name): port.type
             for name, node in plan.nodes.items()
             for port in node.spec.outputs
         }
-        for wire in wires:
-            layout = layout_of(kinds[wire], constants.get(wire))
-            channel = self.writer.channel(topic(wire), kinds[wire].ros, schema_text(kinds[wire]))
-            stream = _Stream(channel, layout)
+        for wire, take in self.open({wire: kinds[wire] for wire in wires}, constants).items():
+            plan.tap(wire, filtered(wire, take))
+
+    def open(
+        self,
+        kinds: Mapping[Wire, type[Message]],
+        constants: Mapping[Wire, StreamConstants] = MappingProxyType({}),
+    ) -> dict[Wire, Taker]:
+        """Start writing; return what takes the messages of each stream, samples or blocks."""
+        takers: dict[Wire, Taker] = {}
+        for wire, kind in kinds.items():
+            channel = self.writer.channel(topic(wire), kind.ros, schema_text(kind))
+            stream = _Stream(channel, layout_of(kind, constants.get(wire)))
             self.streams.append(stream)
-            plan.tap(wire, stream.queue.append)
+            takers[wire] = stream.queue.append
         logging.getLogger("lodeflow").addHandler(self._log)
         self._thread.start()
+        return takers
+
+    def event(self, kind: EventKind, t: int, *texts: str | int) -> None:
+        """Record an event: something that is no message of a node, such as a change."""
+        self._events.append((kind, t, kind.encode(t, *texts)))
 
     def keep_up(self, reached: int) -> None:
         """Called by the run between batches: waits while much is unwritten, and reports errors.
@@ -191,7 +204,16 @@ class Recorder:
                 left[stream] -= taken
                 self.writer.write(stream.channel, block.t, stream.layout.encode_block(block))
                 self._room.set()
-        self._log.write()
+        self._write_events()
+
+    def _write_events(self) -> None:
+        """Write the events that wait; a channel is made with its first."""
+        while self._events:
+            kind, t, data = self._events.popleft()
+            if kind not in self._event_channels:
+                self._event_channels[kind] = self.writer.channel(kind.topic, kind.ros, kind.schema)
+            record = np.frombuffer(data, dtype=np.uint8)[None]
+            self.writer.write(self._event_channels[kind], np.array([t]), record)
 
 
 class _Stream:
@@ -220,37 +242,15 @@ class _Stream:
         return self.layout.kind.stack(samples), len(samples)
 
 
-class _LogStream(logging.Handler):
+class _LogHandler(logging.Handler):
     """Log records of the run as messages, stamped with the event time that the run had reached."""
 
     def __init__(self, recorder: Recorder) -> None:
         super().__init__()
         self.recorder = recorder
-        self.queue: deque[tuple[int, bytes]] = deque()
-        self.channel: int | None = None
 
     def emit(self, record: logging.LogRecord) -> None:
-        t = min(max(self.recorder.reached, 0), 2**31 * 1_000_000_000 - 1)
         try:
-            self.queue.append((t, _encode_log(record, t)))
+            self.recorder.event(LOG, in_range(self.recorder.reached), *log_fields(record))
         except Exception:  # a wrong format must not end the step that logged it
             self.handleError(record)
-
-    def write(self) -> None:
-        """Write what was logged; the channel is made with the first record."""
-        writer = self.recorder.writer
-        while self.queue:
-            if self.channel is None:
-                self.channel = writer.channel(LOG_TOPIC, *LOG_SCHEMA)
-            t, data = self.queue.popleft()
-            writer.write(self.channel, np.array([t]), np.frombuffer(data, dtype=np.uint8)[None])
-
-
-def _encode_log(record: logging.LogRecord, t: int) -> bytes:
-    out = bytearray(struct.pack("<iIB", *divmod(t, 1_000_000_000), min(record.levelno, 50)))
-    texts = (record.name, record.getMessage(), record.filename, record.funcName or "")
-    for text in texts:
-        data = text.encode(errors="replace") + b"\0"
-        out += bytes(-len(out) % 4) + struct.pack("<I", len(data)) + data
-    out += bytes(-len(out) % 4) + struct.pack("<I", record.lineno)
-    return HEADER + bytes(out)

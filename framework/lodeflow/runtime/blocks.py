@@ -11,6 +11,7 @@ from lodeflow.errors import ContractError, LodeflowError, MessageError
 from lodeflow.graph.model import Wire
 from lodeflow.node import InputPort, OutputPort
 from lodeflow.runtime.align import Column, GateColumn, Rows, join_rows, make_aligner
+from lodeflow.runtime.gaps import without
 from lodeflow.runtime.plan import (
     RAISED,
     Plan,
@@ -60,7 +61,10 @@ class Output:
         for tap in self.taps:
             tap(block)
         for reader, column in self.readers:
-            column.push(block)
+            if spans := reader.node.gaps.get(str(Wire(self.node.name, self.port.name))):
+                without(column.push, spans)(block)
+            else:
+                column.push(block)
             reader.dirty = True
 
     def promise(self, bound: int) -> None:
@@ -103,6 +107,12 @@ class BlockNode:
             self.node.counters.unmatched + self.aligner.unmatched,
             0,
         )
+        while self.node.changes and len(rows.t) and rows.t[-1] >= self.node.changes[0].t:
+            before = int(np.searchsorted(rows.t, self.node.changes[0].t))
+            if before:
+                self._step(rows.select(slice(0, before)))
+                rows = rows.select(slice(before, None))
+            self.node.change()
         if len(rows.t):
             self._step(rows)
             if self.failure is not None:
@@ -248,6 +258,7 @@ class BlockDriver:
                 for output in built[wire.node].outputs:
                     if output.port.name == wire.port:
                         output.readers.append((built[name], column))
+        self.outputs = {name: node.outputs for name, node in built.items()}
         self.sources = {
             name: built[name].outputs for name, node in plan.nodes.items() if node.spec.is_source
         }
@@ -260,6 +271,32 @@ class BlockDriver:
             outputs[port].send(block, NEVER)
         for output in outputs:
             output.promise(bound)
+        self._settle()
+
+    def receive(self, source: str, port: int, block: Any, bound: int) -> None:
+        """Bring in what came for one port of a node that runs elsewhere."""
+        output = self.sources[source][port]
+        if block is not None:
+            output.send(block, NEVER)
+        output.promise(bound)
+        self._settle()
+
+    def bound(self, wire: Wire) -> int:
+        """Return the bound that a port has promised."""
+        return next(o.bound for o in self.outputs[wire.node] if o.port.name == wire.port)
+
+    def earliest_change(self, name: str) -> int:
+        """Return the least stamp, ns, from which on a node can be another one."""
+        node = next(node for node in self.nodes if node.node.name == name)
+        return max(node.last_row + 1, *[output.bound for output in node.stepped], NEVER + 1)
+
+    def change(self, name: str) -> None:
+        """Look at the changes of a node, which have been added to: it does so by itself."""
+
+    def retap(self, wire: Wire) -> None:
+        """Use the plan's taps of a port as they are now: its outputs do so by themselves."""
+
+    def _settle(self) -> None:
         again = True
         while again:  # more than once only where a cycle leads back
             again = False

@@ -10,7 +10,9 @@ import numpy as np
 
 from lodeflow.clock import Clock, Pacer, SimClock, WallClock
 from lodeflow.errors import ContractError, RunError
+from lodeflow.graph.model import Wire
 from lodeflow.runtime.blocks import BlockDriver
+from lodeflow.runtime.exchange import Alone, Driver, Exchange
 from lodeflow.runtime.feed import Batch, LiveFeed, feeds, max_delay
 from lodeflow.runtime.plan import Plan, PlanNode
 from lodeflow.runtime.samples import SampleDriver
@@ -26,12 +28,19 @@ Watch = Callable[[int], None]
 class Engine:
     """Runs a plan to the end of its sources, or until it is told to stop.
 
+    Attributes:
+        driver: what runs the nodes; None before the first is run.
+        inboxes: of the live sources.
+
     Args:
         plan: a fresh plan.
         speed: event time per wall time; None for as fast as the data allows.
         duration: event time to run for, in nanoseconds; None for all. It counts from the first
             stamp of the data, or with a live source from the start of the run.
         watch: called between batches, at least every `TICK` seconds while paced or live.
+        exchange: the groups of the run that run elsewhere; None if there are none.
+        samples: whether single samples are run; None for what the sources here need. All groups
+            of a run do the same.
 
     Raises:
         RunError: the speed is not above 0, or the duration is negative.
@@ -44,6 +53,8 @@ class Engine:
         speed: float | None = None,
         duration: int | None = None,
         watch: Watch = lambda t: None,
+        exchange: Exchange | None = None,
+        samples: bool | None = None,
     ) -> None:
         if speed is not None and not speed > 0:
             raise RunError(f"the speed must be above 0, not {speed}")
@@ -53,26 +64,41 @@ class Engine:
         self.speed = speed
         self.watch = watch
         self.stopping = threading.Event()
-        self.wake = threading.Event()
+        self.exchange: Exchange = Alone() if exchange is None else exchange
+        self.driver: Driver | None = None
+        self.inboxes: list[LiveFeed] = []
         self.live = [n for n in plan.sources if max_delay(n) is not None]
         self.clock: Clock = WallClock() if self.live else SimClock()
         self.first: int | None = None
+        self.last = NEVER
         self.reached = self.clock.start
         self.duration = duration
+        self.by_samples = bool(self.live) or speed is not None if samples is None else samples
+        self.ports = {
+            Wire(node.name, port.name): (node.name, index)
+            for node in plan.nodes.values()
+            for index, port in enumerate(node.spec.outputs)
+        }
 
     @property
     def span(self) -> int:
         """Event time from the first stamp that a source sent to the last, in nanoseconds."""
-        return 0 if self.first is None else self.reached - self.first
+        return 0 if self.first is None else self.last - self.first
 
     def _saw(self, first: int, last: int) -> None:
         self.first = first if self.first is None else min(self.first, first)
+        self.last = max(self.last, last)
         self.reached = max(self.reached, last)
 
     def stop(self) -> None:
         """End all sources at the next look; what is on its way is finished. Safe in a signal."""
         self.stopping.set()
-        self.wake.set()
+        self.exchange.wake()
+
+    def count(self) -> None:
+        """Bring the counters of sent messages up to date."""
+        if isinstance(self.driver, SampleDriver):
+            self.driver.count()
 
     def run(self) -> None:
         """Start the nodes, run, and let every node finish.
@@ -82,39 +108,68 @@ class Engine:
             ContractError: a node broke a rule of event time.
         """
         self.plan.start()
-        if self.live or self.speed is not None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Run nodes that have started; see `run`."""
+        if self.by_samples:
             self._run_samples()
         else:
             self._run_blocks()
 
     def _run_blocks(self) -> None:
-        driver = BlockDriver(self.plan)
+        self.driver = driver = BlockDriver(self.plan)
+        self.exchange.attach(driver)
         sources = feeds(self.plan.sources, self.clock, self.duration)
         reached = dict.fromkeys(sources, NEVER)
         try:
-            while reached:
+            while reached or self.exchange.is_open():
+                moved = self._receive(driver)
                 # The source that is furthest behind: joins then hold as little as they can.
-                name = min(reached, key=reached.__getitem__)
-                batch = Batch([], END) if self.stopping.is_set() else next(sources[name])
-                driver.push(name, batch.blocks, batch.bound)
-                reached[name] = batch.bound
-                if batch.bound == END:
-                    del reached[name]
-                for _, block in batch.blocks:
-                    self._saw(int(block.t[0]), int(block.t[-1]))
+                name = min(reached, key=reached.__getitem__, default=None)
+                if name is not None and self._may_go_on(reached[name]):
+                    batch = Batch([], END) if self.stopping.is_set() else next(sources[name])
+                    driver.push(name, batch.blocks, batch.bound)
+                    reached[name] = batch.bound
+                    if batch.bound == END:
+                        del reached[name]
+                    for _, block in batch.blocks:
+                        self._saw(int(block.t[0]), int(block.t[-1]))
+                    moved = True
+                self.exchange.flush()
                 self.watch(self.reached)
+                if not moved:
+                    self.exchange.wait(TICK)
         finally:
             for feed in sources.values():
                 feed.close()
         _all_ended(driver.unfinished())
 
+    def _may_go_on(self, reached: int) -> bool:
+        """Whether a source of data at rest may go on: readers keep up, and no inlet is behind."""
+        if self.stopping.is_set():
+            return True
+        return self.exchange.has_room() and reached <= self.exchange.behind()
+
+    def _receive(self, driver: SampleDriver | BlockDriver) -> bool:
+        """Bring in what has come from other groups; return whether anything has."""
+        moved = False
+        for wire, block, bound in self.exchange.take():
+            driver.receive(*self.ports[wire], block, bound)
+            if block is not None:
+                self._saw(int(block.t[0]), int(block.t[-1]))
+            moved = True
+        return moved
+
     def _run_samples(self) -> None:
-        driver = SampleDriver(self.plan)
+        self.driver = driver = SampleDriver(self.plan, self.exchange.outlets)
+        self.exchange.attach(driver)
         at_rest = [node for node in self.plan.sources if node not in self.live]
         read = feeds(at_rest, self.clock, self.duration)
         files = [_Paced(node, read[node.name]) for node in at_rest]
         until = END if self.duration is None else self.clock.start + self.duration
-        live = [LiveFeed(node, self.clock, self.wake, until) for node in self.live]
+        live = [LiveFeed(node, self.clock, self.exchange.wake, until) for node in self.live]
+        self.inboxes = live
         pacer = Pacer(1.0 if self.speed is None else self.speed)
         for feed in live:
             feed.start()
@@ -134,29 +189,39 @@ class Engine:
         for feed in files:
             feed.advance(driver)
         files = [feed for feed in files if feed.t < END]
-        while (files or live) and not self.stopping.is_set():
-            for inbox in live:
-                for batch in inbox.drain():
-                    self._push_rows(driver, inbox.node.name, batch)
-            live = [inbox for inbox in live if inbox.intake.floor < END]
-            due = min(files, key=lambda feed: feed.t, default=None)
-            wait = TICK if due is None else pacer.remaining(due.t)
-            if due is not None and wait <= 0:
-                self._saw(due.t, due.t)
-                due.push(driver)
-                if due.t == END:
-                    files.remove(due)
-                wait = 0.0
+        while files or live or self.exchange.is_open():
+            moved = self._receive(driver)
+            if self.stopping.is_set():
+                self._end_sources(driver, files, live)
+                files, live = [], []
+                if not self.exchange.is_open():
+                    break
+            wait = TICK
+            if self.exchange.has_room():
+                for inbox in live:
+                    for batch in inbox.drain():
+                        self._push_rows(driver, inbox.node.name, batch)
+                live = [inbox for inbox in live if inbox.intake.floor < END]
+                due = min(files, key=lambda feed: feed.t, default=None)
+                if due is not None and (wait := pacer.remaining(due.t)) <= 0:
+                    self._saw(due.t, due.t)
+                    due.push(driver)
+                    if due.t == END:
+                        files.remove(due)
+            self.exchange.flush()
             self.watch(self.reached)
-            if wait > 0:
+            if wait > 0 and not moved:
                 driver.count()
-                self.wake.wait(min(wait, TICK))
-                self.wake.clear()
+                self.exchange.wait(min(wait, TICK))
+        self.exchange.flush()
+
+    def _end_sources(self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed]) -> None:
         for feed in files:
             driver.promise(feed.node.name, END)
         for inbox in live:
             for batch in inbox.drain():  # what had come before the stop is not lost
                 self._push_rows(driver, inbox.node.name, batch)
+            inbox.stop()
             driver.promise(inbox.node.name, END)
 
     def _push_rows(self, driver: SampleDriver, source: str, batch: Batch) -> None:

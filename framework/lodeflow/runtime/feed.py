@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lodeflow.clock import Clock
 from lodeflow.errors import ContractError
+from lodeflow.graph.model import Loss
 from lodeflow.messages.cdr import FIRST_STAMP, LAST_STAMP
 from lodeflow.messages.message import Message
 from lodeflow.node import Source
@@ -36,6 +37,13 @@ class Fed(Source):
     """
 
 
+class Lost(NamedTuple):
+    """What a source of the framework yields to say that messages did not come."""
+
+    why: Loss
+    messages: int
+
+
 class Batch(NamedTuple):
     """What may enter the graph: blocks as (port index, block), then a bound on all ports."""
 
@@ -57,6 +65,9 @@ class Intake:
 
     def take(self, item: Any) -> Batch:
         """Return the part of a yielded item that may enter, and count the rest."""
+        if isinstance(item, Lost):
+            self.node.counters.lose(item.why, item.messages)
+            return Batch([], self.floor)
         if isinstance(item, Bound):
             if not isinstance(item.t, (int, np.integer)):
                 raise self.node.broken(self._names(), f"it must yield Bound(int), got {item!r}")
@@ -211,7 +222,7 @@ class LiveFeed:
     """
 
     def __init__(
-        self, node: PlanNode, clock: Clock, wake: threading.Event, until: int = END
+        self, node: PlanNode, clock: Clock, wake: Callable[[], None], until: int = END
     ) -> None:
         self.node = node
         self.until = until
@@ -236,22 +247,23 @@ class LiveFeed:
             for item in items:
                 if self.stopping:
                     break
-                if len(self.inbox) >= INBOX_SIZE and not isinstance(item, Bound):
+                if len(self.inbox) >= INBOX_SIZE and not isinstance(item, (Bound, Lost)):
                     self.overflow += _messages_in(item)
                 else:
                     self.inbox.append(item)
-                self.wake.set()
+                self.wake()
             _close(items)
         except RAISED as error:  # raised again by `drain`, on the run's own thread
             self.error = error
         finally:
             self.ended = True
-            self.wake.set()
+            self.wake()
 
     def drain(self) -> Iterator[Batch]:
         """Yield what has come, then the bound that time alone gives."""
         ended = self.ended  # before the inbox is looked at: nothing follows once it is set
-        bound = self.clock.now() - self.intake.source.max_delay
+        source = self.intake.source
+        bound = NEVER if source.own_bounds else self.clock.now() - source.max_delay
         for _ in range(len(self.inbox)):  # not what comes meanwhile, or a fast source holds us here
             yield _cut(self.intake.take(self.inbox.popleft()), self.until)
         if self.overflow > self.counted:

@@ -45,6 +45,12 @@ class Join:
             self.accept.append(accept)
             self.advance.append(advance)
 
+    def use(self, run: Run) -> None:
+        """Step rows by another call from now on."""
+        self.run = run
+        if not self.gates:
+            self.deliver = run
+
     def _acceptor(self, index: int) -> Callable[[Any], None]:
         append, bounds, pump = self.queues[index].append, self.bounds, self.pump
         first, lead = self.lead, self.queues[self.lead]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 import traceback
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from lodeflow.errors import ContractError, MessageError, NodeFailure, did_you_mean
 from lodeflow.graph.model import Gate, Graph, GraphNode, Loss, Wire
@@ -48,8 +49,31 @@ class Counters:
             self.lost[why] = self.lost.get(why, 0) + count
 
 
+class Inlet(Source):
+    """Base of the stand-ins for nodes that run in another group; nobody reads them."""
+
+
+class Change(NamedTuple):
+    """From a stamp on, a node is another one: rows from `t` go to a fresh instance.
+
+    Attributes:
+        t: stamp, ns.
+        node: the node from then on.
+        plugin: its instance, started; None to make one when it is due.
+    """
+
+    t: int
+    node: GraphNode
+    plugin: Node | None = None
+
+
 class PlanNode:
-    """One node of a plan: the live plugin, its wired inputs and its counters."""
+    """One node of a plan: the live plugin, its wired inputs and its counters.
+
+    Attributes:
+        changes: what it is to become, in the order of their stamps.
+        gaps: stamps, [begin, end), that it is not to get of a stream, by the stream's name.
+    """
 
     def __init__(self, graph_node: GraphNode) -> None:
         self.name = graph_node.name
@@ -66,6 +90,25 @@ class PlanNode:
         self.lookback = 0
         if isinstance(self.plugin, Node):
             self.lookback = self.plugin.lookback
+        self.changes: deque[Change] = deque()
+        self.gaps: dict[str, list[tuple[int, int]]] = {}
+
+    def change(self) -> None:
+        """Become what the next change says.
+
+        Raises:
+            NodeFailure: the new plugin raised while it started.
+        """
+        change = self.changes.popleft()
+        self.kind = change.node.plugin
+        plugin: Any = change.plugin
+        try:
+            if plugin is None:
+                plugin = change.node.plugin(change.node.params, name=self.name)
+                plugin.start()
+        except RAISED as error:
+            raise self.failure("start", change.t, error) from error
+        self.plugin, self.spec = plugin, change.node.plugin.spec
 
     @property
     def wired(self) -> list[InputPort]:
@@ -143,9 +186,15 @@ class Plan:
         self.taps: dict[Wire, list[Tap]] = {wire: [] for wire in graph.streams()}
 
     @property
+    def mine(self) -> list[PlanNode]:
+        """The nodes that run here, not the stand-ins for others, in the order of the file."""
+        nodes = [self.nodes[name] for name in self.graph.nodes]
+        return [node for node in nodes if not isinstance(node.plugin, Inlet)]
+
+    @property
     def sources(self) -> list[PlanNode]:
-        """The source nodes, in the order of the file."""
-        return [self.nodes[name] for name in self.graph.nodes if self.nodes[name].spec.is_source]
+        """The source nodes that run here, in the order of the file."""
+        return [node for node in self.mine if node.spec.is_source]
 
     @property
     def lossless(self) -> bool:

@@ -6,116 +6,28 @@ for its bound. A chain of nodes is a chain of calls; only joins queue.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from lodeflow.errors import RunError
 from lodeflow.graph.model import Wire
 from lodeflow.messages.message import Message
 from lodeflow.node import OutputPort
-from lodeflow.runtime.joins import make_join
+from lodeflow.runtime.gaps import without
+from lodeflow.runtime.joins import Run, make_join
+from lodeflow.runtime.output import Accept, Advance, Output
 from lodeflow.runtime.plan import (
     RAISED,
     Plan,
     PlanNode,
     Tap,
     check_output,
-    check_sample,
     last_words,
 )
 from lodeflow.sync import END, NEVER, Each, Sparse
-
-Accept = Callable[[Any], None]
-Advance = Callable[[int], None]
-
-
-class Output:
-    """An output port: the calls that its messages and bounds lead to.
-
-    Attributes:
-        bound: no later message has a stamp below it; a message at t has moved it to t + 1.
-        sent: messages sent.
-        listeners: readers that need to hear of every bound.
-        enders: the other readers; they hear of the end alone.
-    """
-
-    __slots__ = ("bound", "calls", "enders", "listeners", "node", "port", "sent")
-
-    def __init__(self, node: PlanNode, port: OutputPort, taps: Sequence[Tap]) -> None:
-        self.node = node
-        self.port = port
-        self.bound = NEVER
-        self.sent = 0
-        self.listeners: list[Advance] = []
-        self.enders: list[Advance] = []
-        self.calls: list[Accept] = list(taps)
-
-    def connect(self, accept: Accept, advance: Advance, *, hears: bool) -> None:
-        """Add a reader."""
-        self.calls.append(accept)
-        (self.listeners if hears else self.enders).append(advance)
-
-    def promise(self, bound: int) -> None:
-        """Move the bound; never back."""
-        if bound > self.bound:
-            self.bound = bound
-            for advance in self.listeners:
-                advance(bound)
-            if bound == END:
-                for advance in self.enders:
-                    advance(bound)
-
-    def sender(self) -> Callable[[Any, int], None]:
-        """Return the call that sends a sample for a row at some stamp.
-
-        All readers are connected by now. The first message is looked at in full, later ones as
-        far as is cheap: their type and their stamp.
-        """
-        forward = _fan(self.calls)
-        kind, lookback = self.port.type, self.node.lookback
-        expected: type[Message] | None = None
-
-        def send(message: Any, row: int) -> None:
-            nonlocal expected
-            if type(message) is not expected:
-                check_sample(self.node, self.port, message, row - lookback, thorough=True)
-                expected = kind
-            t = message.t
-            if type(t) is not int or t < self.bound or t < row - lookback:
-                check_sample(self.node, self.port, message, row - lookback, thorough=True)
-                raise self.node.broken(
-                    self.port.name,
-                    f"stamps must strictly increase, got {t} where {self.bound} is the least",
-                )
-            self.bound = t + 1  # the message itself tells its readers
-            self.sent += 1
-            forward(message)
-
-        return send
-
-
-def _fan(calls: list[Accept]) -> Accept:
-    """Return one call that makes them all."""
-    if not calls:
-        return lambda message: None
-    if len(calls) == 1:
-        return calls[0]
-    if len(calls) == 2:
-        first, second = calls
-
-        def both(message: Any) -> None:
-            first(message)
-            second(message)
-
-        return both
-    everyone = tuple(calls)
-
-    def each(message: Any) -> None:
-        for call in everyone:
-            call(message)
-
-    return each
 
 
 class SampleNode:
@@ -135,6 +47,7 @@ class SampleNode:
         self.accept: list[Accept] = []
         self.advance: list[Advance] = []
         self.senders: dict[str, Callable[[Any, int], None]] = {}
+        self._rerun: Callable[[Run], None] = lambda run: None
 
     def compile(self, *, hears: bool) -> None:
         """Make the closures, once all readers are connected.
@@ -145,11 +58,18 @@ class SampleNode:
         self.senders = {output.port.name: output.sender() for output in self.outputs}
         if self.node.spec.is_source:
             return
-        run = self._run()
+        run = self._changing_run()
         if self.joins:
             join = make_join(self.node, run, self.move, hears=hears)
             self.accept, self.advance = join.accept, join.advance
+            self._rerun = join.use
             return
+
+        def use(other: Run) -> None:
+            nonlocal run
+            run = other
+
+        self._rerun = use
         move, lone = self.move, self.free[0] if len(self.outputs) == len(self.free) == 1 else None
 
         def accept(message: Any) -> None:
@@ -166,15 +86,59 @@ class SampleNode:
         if single and not hears and self.node.spec.has_step and len(self.node.spec.inputs) == 1:
             self.accept = [self._direct()]
 
+    def _changing_run(self) -> Run:
+        """Return the call that steps one aligned row, by the instance whose turn it is."""
+        if not self.node.changes:
+            return self._run()
+        due, before = self.node.changes[0].t, self._run()
+
+        def run(t: int, samples: tuple[Any, ...]) -> None:
+            if t < due:
+                before(t, samples)
+                return
+            self.node.change()
+            after = self._changing_run()
+            self._rerun(after)
+            after(t, samples)
+
+        return run
+
+    def rerun(self) -> None:
+        """Look at the changes of the node, which have been added to."""
+        self._rerun(self._changing_run())
+
     def _direct(self) -> Accept:
         """Return the path of one input and one output: every nanosecond counts here.
 
         It is `_run` and `Output.sender` in one call, with the same checks.
         """
         node, (output,) = self.node, self.outputs
-        send, step, counters = self.senders[output.port.name], self._sample_step(), node.counters
-        forward, lookback, kind = _fan(output.calls), node.lookback, output.port.type
+        send, counters = self.senders[output.port.name], node.counters
+        step: Callable[..., Any]
+
+        def use(run: Run) -> None:
+            nonlocal step
+            # A change may have come with it, and need not have a sample step: the general way.
+            step = partial(_by_run, run)
+
+        def _by_run(run: Run, message: Any) -> None:
+            counters.stepped -= 1
+            run(message.t, (message,))
+
+        step = self._sample_step()
+        if node.changes:
+            use(self._changing_run())
+        self._rerun = use
+        lookback, kind = node.lookback, output.port.type
         expected: type[Message] | None = None
+
+        forward: Accept
+
+        def replace(other: Accept) -> None:
+            nonlocal forward
+            forward = other
+
+        forward = output.forwarding(replace)
 
         def accept(message: Any) -> None:
             nonlocal expected
@@ -182,6 +146,8 @@ class SampleNode:
             counters.stepped += 1
             try:
                 out = step(message)
+            except RunError:  # told already, by the general way
+                raise
             except RAISED as error:
                 raise node.failure("step", row, error) from error
             if out is None:
@@ -303,23 +269,29 @@ def _sparse(samples: tuple[Any, ...], kinds: list[type[Message]]) -> list[Sparse
 
 
 class SampleDriver:
-    """Runs a plan on single messages."""
+    """Runs a plan on single messages.
 
-    def __init__(self, plan: Plan) -> None:
+    Args:
+        plan: live nodes.
+        outlets: streams whose bounds others ask for, by `bound`.
+    """
+
+    def __init__(self, plan: Plan, outlets: frozenset[Wire] = frozenset()) -> None:
         self.nodes = {name: SampleNode(node, plan.taps) for name, node in plan.nodes.items()}
-        hearing = _hearing(self.nodes)
+        hearing = _hearing(self.nodes, {wire.node for wire in outlets})
         position = {name: index for index, name in enumerate(self.nodes)}
         for name in reversed(self.nodes):  # readers first, so that calls can be bound directly
             node = self.nodes[name]
             for other, output, index in self._readers(node):
+                hears = other.node.name in hearing
                 if position[other.node.name] <= position[name]:  # a delayed wire, leading back
-                    output.connect(*_later(other, index), hears=True)
+                    (accept, advance), hears = _later(other, index), True
                 else:
-                    output.connect(
-                        other.accept[index],
-                        other.advance[index],
-                        hears=other.node.name in hearing,
-                    )
+                    accept, advance = other.accept[index], other.advance[index]
+                wire = Wire(node.node.name, output.port.name)
+                if spans := other.node.gaps.get(str(wire)):
+                    accept = without(accept, spans)
+                output.connect(accept, advance, hears=hears)
             node.compile(hears=name in hearing)
         self.pushes = {
             name: list(node.senders.values())
@@ -341,10 +313,38 @@ class SampleDriver:
         """Bring in one sample of a source."""
         self.pushes[source][port](sample, sample.t)
 
-    def promise(self, source: str, bound: int) -> None:
-        """Say that nothing below `bound` will come on any port of a source."""
-        for output in self.nodes[source].outputs:
+    def promise(self, source: str, bound: int, port: int | None = None) -> None:
+        """Say that nothing below `bound` will come on a port of a source, or on any."""
+        outputs = self.nodes[source].outputs
+        for output in outputs if port is None else (outputs[port],):
             output.promise(bound)
+
+    def receive(self, source: str, port: int, block: Any, bound: int) -> None:
+        """Bring in what came for one port of a node that runs elsewhere."""
+        if block is not None:
+            send = self.pushes[source][port]
+            for index, t in enumerate(block.t.tolist()):
+                send(block.row(index), t)
+        self.nodes[source].outputs[port].promise(bound)
+
+    def bound(self, wire: Wire) -> int:
+        """Return the bound that a port has promised."""
+        return next(o.bound for o in self.nodes[wire.node].outputs if o.port.name == wire.port)
+
+    def earliest_change(self, name: str) -> int:
+        """Return the least stamp, ns, from which on a node can be another one."""
+        node = self.nodes[name]
+        return max(node.last_row + 1, *[output.bound for output in node.stepped], NEVER + 1)
+
+    def change(self, name: str) -> None:
+        """Look at the changes of a node, which have been added to."""
+        self.nodes[name].rerun()
+
+    def retap(self, wire: Wire) -> None:
+        """Use the plan's taps of a port as they are now."""
+        for output in self.nodes[wire.node].outputs:
+            if output.port.name == wire.port:
+                output.retap()
 
     def count(self) -> None:
         """Bring the plan's counters of sent messages up to date."""
@@ -357,9 +357,9 @@ class SampleDriver:
         return [name for name, n in self.nodes.items() if not n.ended and not n.node.spec.is_source]
 
 
-def _hearing(nodes: dict[str, SampleNode]) -> set[str]:
-    """Return the nodes that wait for bounds, or lead to one that does."""
-    hearing = {name for name, node in nodes.items() if node.joins}
+def _hearing(nodes: dict[str, SampleNode], asked: set[str]) -> set[str]:
+    """Return the nodes that wait for bounds, or lead to one that does, or to one asked for its."""
+    hearing = {name for name, node in nodes.items() if node.joins} | asked
     grown = True
     while grown:
         before = len(hearing)

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import datetime
 import json
-import signal
-import threading
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from lodeflow.clock import monotonic, seconds, wall_time
 from lodeflow.errors import LodeflowError, RunError
@@ -18,15 +14,15 @@ from lodeflow.graph import Graph, dump
 from lodeflow.graph.model import Wire
 from lodeflow.messages.message import Message
 from lodeflow.messages.vocabulary import Score
+from lodeflow.recording.events import CHANGE
+from lodeflow.recording.past import NOTHING, Past
 from lodeflow.recording.provenance import provenance
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.plan import Plan
+from lodeflow.supervisor.interrupt import interruptible
+from lodeflow.supervisor.seen import Look, Seen
 from lodeflow.supervisor.summary import Summary
-
-GRACE = 1.0
-"""Seconds that a run has to end by itself after Ctrl-C, before it is interrupted where it is."""
-
 
 LONGEST = 2**31
 """Seconds of event time that stamps can tell apart."""
@@ -45,6 +41,8 @@ def run(
     command: Sequence[str] = (),
     about: Mapping[str, str] = MappingProxyType({}),
     collect: Collection[Wire] = (),
+    look: Look | None = None,
+    past: Past = NOTHING,
 ) -> Summary:
     """Run a graph to its end.
 
@@ -57,6 +55,8 @@ def run(
         command: arguments of the command line, kept in the recording.
         about: what else is kept in the recording's provenance.
         collect: streams whose last message is kept as a score is, whatever its type.
+        look: how other processes can look in; None if they cannot.
+        past: changes and gaps of a recorded run, to be repeated.
 
     Returns:
         The summary; an error that ended the run is in it, with the recording closed.
@@ -67,8 +67,9 @@ def run(
     if duration is not None and not 0 < duration < LONGEST:
         raise RunError(f"a duration is above 0 and below {LONGEST} s, got {duration}")
     plan = Plan(graph)
+    past.prepare(plan)
     summary = Summary(graph.name, {name: plan.nodes[name].counters for name in graph.nodes})
-    _keep_scores(plan, summary, collect)
+    keep_scores(plan, summary.scores, collect)
     watch = _Watch(plan, progress)
     engine = Engine(
         plan,
@@ -77,8 +78,16 @@ def run(
         watch=watch,
     )
     started = monotonic()
-    with _interruptible(engine) as closing:  # before the file is begun: it must be closed too
-        watch.recorder = recorder = _recorder(graph, plan, record, command, about)
+    # Before the file is begun: it must be closed too.
+    with interruptible(engine.stop, engine.stopping.is_set) as closing:
+        watch.recorder = recorder = _recorder(graph, plan, record, command, about, past)
+        if look is not None:
+
+            def changed(t: int, node: str, use: str, params: str) -> None:
+                if recorder is not None:
+                    recorder.event(CHANGE, t, node, use, params)
+
+            watch.seen = seen = Seen(graph, plan, engine, look, changed)
         try:
             engine.run()
         except KeyboardInterrupt:
@@ -90,6 +99,8 @@ def run(
             failure.__cause__ = error
             summary.error = failure
         closing()
+        if look is not None:
+            seen.close()
         summary.wall = monotonic() - started
         summary.stopped = engine.stopping.is_set()
         summary.lossless = plan.lossless
@@ -103,7 +114,8 @@ def run(
     return summary
 
 
-def _keep_scores(plan: Plan, summary: Summary, collect: Collection[Wire]) -> None:
+def keep_scores(plan: Plan, scores: dict[str, Message], collect: Collection[Wire] = ()) -> None:
+    """Keep the last message of each stream of scores, or to `collect`, under its name."""
     for name, node in plan.nodes.items():
         for port in node.spec.outputs:
             wire = Wire(name, port.name)
@@ -111,18 +123,15 @@ def _keep_scores(plan: Plan, summary: Summary, collect: Collection[Wire]) -> Non
                 continue
 
             def keep(message: Message, key: str = str(wire)) -> None:
-                summary.scores[key] = message[-1] if message.is_block else message
+                scores[key] = message[-1] if message.is_block else message
 
             plan.tap(wire, keep)
 
 
-def _recorder(
-    graph: Graph,
-    plan: Plan,
-    record: str | None,
-    command: Sequence[str],
-    about: Mapping[str, str],
-) -> Recorder | None:
+def recording_of(
+    graph: Graph, record: str | None, command: Sequence[str], about: Mapping[str, str]
+) -> tuple[Path, tuple[Wire, ...], dict[str, str]] | None:
+    """Return where a run is recorded, which streams, and its provenance; None for not at all."""
     begun = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC)
     path, streams = record, None
     if graph.record is not None:
@@ -131,13 +140,27 @@ def _recorder(
         streams = graph.record.streams
     if not path:
         return None
+    wires = tuple(graph.streams()) if streams is None else streams
+    found = provenance(graph, command=command, started=begun.isoformat())
+    return Path(path), wires, {**found, **about}
+
+
+def _recorder(
+    graph: Graph,
+    plan: Plan,
+    record: str | None,
+    command: Sequence[str],
+    about: Mapping[str, str],
+    past: Past,
+) -> Recorder | None:
+    found = recording_of(graph, record, command, about)
+    if found is None:
+        return None
     constants = plan.constants()  # may fail; nothing is left behind then
-    recorder = Recorder(
-        Path(path),
-        graph=dump(graph),
-        provenance={**provenance(graph, command=command, started=begun.isoformat()), **about},
-    )
-    recorder.attach(plan, tuple(graph.streams()) if streams is None else streams, constants)
+    path, wires, texts = found
+    recorder = Recorder(path, graph=dump(graph), provenance=texts)
+    recorder.attach(plan, wires, constants, past.filtered)
+    past.write(recorder)
     return recorder
 
 
@@ -147,48 +170,16 @@ class _Watch:
     def __init__(self, plan: Plan, progress: Progress) -> None:
         self.plan = plan
         self.recorder: Recorder | None = None
+        self.seen: Seen | None = None
         self.progress = progress
         self.shown = 0.0
 
     def __call__(self, t: int) -> None:
+        if self.seen is not None:
+            self.seen.tend()
         if self.recorder is not None:
             self.recorder.keep_up(t)
         now = monotonic()
         if now - self.shown >= 0.1:
             self.shown = now
             self.progress(self.plan, t)
-
-
-@contextmanager
-def _interruptible(engine: Engine) -> Iterator[Callable[[], None]]:
-    """Let Ctrl-C and SIGTERM end the sources; what does not react in time is interrupted.
-
-    Yields what is to be called when the run is over: from then on nothing interrupts the closing
-    of the recording, which takes no user code.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
-        return
-
-    def interrupt(*_: Any) -> None:
-        if engine.stopping.is_set():
-            raise KeyboardInterrupt
-        engine.stop()
-        signal.setitimer(signal.ITIMER_REAL, GRACE)
-
-    def give_up(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    def closing() -> None:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        for number in handlers:
-            signal.signal(number, signal.SIG_IGN)
-
-    handlers = {signal.SIGINT: interrupt, signal.SIGTERM: interrupt, signal.SIGALRM: give_up}
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
-    try:
-        yield closing
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        for number, handler in before.items():
-            signal.signal(number, handler)

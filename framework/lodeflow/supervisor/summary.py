@@ -29,6 +29,8 @@ class Summary:
         stopped: it was told to stop before its sources ended.
         lossless: no source lost a message that the graph does not allow to lose.
         error: what ended it early.
+        links: what each link between processes lost, by reading and sending group.
+        restarts: how often each process group was started again.
     """
 
     graph: str
@@ -40,6 +42,8 @@ class Summary:
     stopped: bool = False
     lossless: bool = True
     error: LodeflowError | None = None
+    links: dict[str, dict[str, dict[str, int]]] = field(default_factory=dict)
+    restarts: dict[str, int] = field(default_factory=dict)
 
     @property
     def exit_code(self) -> int:
@@ -80,6 +84,8 @@ class Summary:
             "stopped": self.stopped,
             "lossless": self.lossless,
             "error": None if self.error is None else str(self.error),
+            **({"links": self.links} if self.links else {}),
+            **({"restarts": self.restarts} if self.restarts else {}),
         }
 
 

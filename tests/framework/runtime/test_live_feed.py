@@ -26,14 +26,15 @@ SETTINGS = settings(max_examples=150, deadline=None, derandomize=True, database=
 def live(*items: Any, pair: bool = False, delay: int = 10) -> tuple[LiveFeed, SimClock]:
     clock = SimClock()
     plugin = source(*items, pair=pair, max_delay=delay)
-    return LiveFeed(planned(plugin), clock, threading.Event()), clock
+    return LiveFeed(planned(plugin), clock, threading.Event().set), clock
 
 
 def finish(feed: LiveFeed) -> None:
     """Let the thread read to its end."""
     feed.start()
     feed.thread.join()
-    assert feed.wake.is_set()
+    awake: Any = feed.wake
+    assert awake.__self__.is_set()
 
 
 def drained(feed: LiveFeed) -> tuple[Rows, int]:
@@ -192,7 +193,7 @@ def test_a_source_faster_than_the_run_does_not_hold_it() -> None:
 
 def test_a_live_source_is_cut_at_the_end_of_the_run() -> None:
     clock = SimClock()
-    feed = LiveFeed(planned(source(max_delay=10)), clock, threading.Event(), until=50)
+    feed = LiveFeed(planned(source(max_delay=10)), clock, threading.Event().set, until=50)
     feed.inbox.extend([Reading(49, 1.0), Reading(50, 2.0)])
     clock.advance(55)
     assert drained(feed) == ([(49, 1.0)], 45)
@@ -214,7 +215,7 @@ def test_stopping_ends_the_thread_and_closes_the_source() -> None:
         finally:
             closed.set()
 
-    feed = LiveFeed(planned(reading(wait, max_delay=5)), SimClock(), threading.Event())
+    feed = LiveFeed(planned(reading(wait, max_delay=5)), SimClock(), threading.Event().set)
     feed.start()
     feed.stop()
     go.set()

@@ -1,0 +1,204 @@
+"""One process of a split run: a group of nodes, linked to the other groups."""
+
+from __future__ import annotations
+
+import json
+import logging
+import signal
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from lodeflow.errors import LodeflowError, RunError
+from lodeflow.recording.events import in_range, log_fields
+from lodeflow.runtime.engine import Engine
+from lodeflow.runtime.exchange import part_of
+from lodeflow.runtime.plan import Plan
+from lodeflow.supervisor.answers import Answers
+from lodeflow.supervisor.interrupt import interruptible
+from lodeflow.supervisor.run import keep_scores
+from lodeflow.supervisor.rundir import link_socket, look_socket
+from lodeflow.supervisor.setup import Report, Setup
+from lodeflow.supervisor.summary import Summary
+from lodeflow.transport.links import Links
+from lodeflow.transport.session import LINKS, close_session, open_session
+from lodeflow.transport.window import Window
+
+Tell = Callable[[Any], None]
+"""Tells the supervisor something: "ready", or a Report."""
+
+
+def open_links(
+    setup: Setup,
+    name: str,
+    orders: deque[Any],
+    on_note: Callable[[str, str], None] = lambda group, text: None,
+) -> tuple[Links, Callable[[], None]]:
+    """Open the links of a group; return them, and what closes them.
+
+    What the supervisor orders is done whenever frames are looked for.
+
+    Each pair of groups of a host has one link: the later one in the list connects.
+    """
+    part, index = setup.parts[name], setup.groups.index(name)
+    near = [setup.groups.index(peer) for peer in part.peers if peer in setup.here]
+    session = open_session(
+        listen=[link_socket(setup.run_dir, index), *setup.listen.get(name, ())],
+        connect=[
+            *[link_socket(setup.run_dir, other) for other in near if other < index],
+            *setup.connect,
+        ],
+        settings=LINKS,
+        config=setup.config,
+    )
+    links = Links(
+        session,
+        setup.graph,
+        part,
+        setup.groups,
+        setup.digest,
+        on_note=on_note,
+        attend=lambda links: obey(links, orders),
+    )
+
+    def close() -> None:
+        links.close()
+        close_session(session)
+
+    return links, close
+
+
+def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: list[Any]) -> Report:
+    """Run a group to the end of its sources and inlets.
+
+    Args:
+        setup: the run.
+        name: of the group.
+        tell: tells the supervisor that the group is ready.
+        orders: what the supervisor says; see `obey`.
+        awake: is given what ends a wait, to be called after an order was added.
+
+    Returns:
+        The report; an error that ended the group is in it.
+    """
+    part = setup.parts[name]
+    plan = Plan(part_of(setup.graph, part.nodes, part.inlets))
+    report = Report({node: plan.nodes[node].counters for node in part.nodes})
+    keep_scores(plan, report.scores)
+    links, close = open_links(setup, name, orders)
+    awake.append(links.wake)
+    for wire in part.outlets:
+        plan.tap(wire, links.tap(wire))
+    log = _LogSender(links)
+    logging.getLogger("lodeflow").addHandler(log)
+
+    def watch(t: int) -> None:
+        log.reached = max(log.reached, t)
+        window.tend(engine.driver)
+        answers.tend()
+        if links.stop_asked and not engine.stopping.is_set():
+            engine.stop()
+
+    engine = Engine(
+        plan,
+        speed=setup.speed,
+        duration=setup.duration,
+        watch=watch,
+        exchange=links,
+        samples=setup.samples,
+    )
+
+    def changed(t: int, node: str, use: str, params: str) -> None:
+        links.later(json.dumps({"change": {"t": t, "node": node, "use": use, "params": params}}))
+        tell(("changed", node, use, params))
+
+    answers = Answers(setup.graph, name, plan, engine, lambda: tell("stop"), changed, links)
+    window = open_window(setup, name, plan, answers, links.wake)
+    with interruptible(engine.stop, engine.stopping.is_set, by=(signal.SIGTERM,)) as closing:
+        try:
+            plan.start()
+            if links.barrier(
+                lambda: not engine.stopping.is_set(), lambda missing: tell(("waiting", missing))
+            ):
+                tell("ready")
+                engine.begin()
+        except KeyboardInterrupt:
+            engine.stop()
+        except LodeflowError as error:
+            report.error = str(error)
+        except Exception as error:
+            report.error = f"lodeflow itself failed: {type(error).__name__}: {error}"
+            logging.getLogger("lodeflow").exception("in group '%s'", name)
+        closing()
+        window.close()
+        _close(setup, name, plan, engine, links, report)
+        close()
+    return report
+
+
+def open_window(
+    setup: Setup, name: str, plan: Plan, answers: Answers, wake: Callable[[], None]
+) -> Window:
+    """Open the window of a group that runs on this host."""
+    return Window(
+        setup.graph.name,
+        name,
+        plan,
+        listen=[look_socket(setup.run_dir, setup.here.index(name)), *setup.open_to.get(name, ())],
+        connect=setup.outside,
+        config=setup.config,
+        answer=answers,
+        wake=wake,
+    )
+
+
+def _close(
+    setup: Setup, name: str, plan: Plan, engine: Engine, links: Links, report: Report
+) -> None:
+    """Say what there was, and see that it arrives."""
+    report.first, report.reached = engine.first, engine.last
+    report.stopped = engine.stopping.is_set()
+    report.links = {peer: losses.as_dict() for peer, losses in links.losses.items()}
+    group = setup.graph.processes[name]
+    lossless_links = all(losses.is_lossless for losses in links.losses.values())
+    report.lossless = plan.lossless and (lossless_links or group.allow_gaps)
+    links.note(json.dumps({"report": as_summary(setup, report).as_dict()}))
+    patience = 1.0 if report.stopped or report.error else None
+    left = links.farewell(patience)
+    if left and report.error is None and not report.stopped:
+        report.error = str(RunError(f"group '{name}' could not hand over {left} frames"))
+
+
+def as_summary(setup: Setup, report: Report) -> Summary:
+    """Return the report of a group as a summary of its own."""
+    summary = Summary(setup.graph.name, report.counters, report.scores)
+    summary.stopped, summary.lossless = report.stopped, report.lossless
+    summary.span = 0.0 if report.first is None else (report.reached - report.first) / 1e9
+    summary.error = None if report.error is None else RunError(report.error)
+    return summary
+
+
+def obey(links: Links, orders: deque[Any]) -> None:
+    """Do what the supervisor has said since the last time.
+
+    ("gone", group): it has crashed, and will not come back. ("finished", group): it has handed
+    over everything, and ended.
+    """
+    while orders:
+        what, group = orders.popleft()
+        links.gone(group, lost=what == "gone")
+
+
+class _LogSender(logging.Handler):
+    """Sends log records to the recorder."""
+
+    def __init__(self, links: Links) -> None:
+        super().__init__()
+        self.links = links
+        self.reached = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            self.links.later(json.dumps({"log": [in_range(self.reached), *log_fields(record)]}))
+        except Exception:  # a wrong format must not end the step that logged it
+            self.handleError(record)

@@ -1,0 +1,74 @@
+"""Frames: what travels over a key. A payload of whole CDR records, and a fixed-size attachment."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+ATTACHMENT = struct.Struct("<QqqII")
+"""Sequence, first stamp, bound, count, flags: 32 bytes, little endian."""
+
+DATA = 0
+"""Records of one stream, or none: then only its bound."""
+HELLO = 1
+"""Who I am, whom I have heard, what to expect next; not in sequence."""
+ACK = 2
+"""All before this number has been taken; not in sequence."""
+AGAIN = 3
+"""Likewise, and send again from the number in `bound` on; not in sequence."""
+STOP = 4
+"""End your sources."""
+NOTE = 5
+"""A text for the recorder: a log record, a loss, a change, a report."""
+BYE = 6
+"""I have everything from you, and you have everything from me; not in sequence."""
+WAKE = 7
+"""From oneself: end a wait."""
+
+KIND_BITS, GROUP_BITS = 4, 10
+STREAM_SHIFT = KIND_BITS + GROUP_BITS
+COUNT_BITS = 40
+"""Bits of the number of a frame; the incarnation of its sender stands above them."""
+COUNT_MASK = (1 << COUNT_BITS) - 1
+INCARNATIONS = 1 << (64 - COUNT_BITS)
+
+
+class Frame(NamedTuple):
+    """One frame of a link.
+
+    Attributes:
+        sequence: incarnation of the sender and number of the frame.
+        first: stamp of the first record, ns.
+        bound: no later record of the stream lies below it.
+        rows: how many records.
+        kind: DATA, HELLO, ....
+        group: number of the sending group.
+        stream: number of the stream in the graph.
+        payload: records, or the text of a control frame.
+    """
+
+    sequence: int
+    first: int
+    bound: int
+    rows: int
+    kind: int
+    group: int
+    stream: int
+    payload: bytes
+
+
+def attach(
+    sequence: int, first: int, bound: int, count: int, kind: int, group: int, stream: int
+) -> bytes:
+    """Return the attachment of a frame."""
+    flags = kind | group << KIND_BITS | stream << STREAM_SHIFT
+    return ATTACHMENT.pack(sequence, first, bound, count, flags)
+
+
+def read(attachment: bytes, payload: bytes) -> Frame | None:
+    """Return the frame, or None if the attachment is none of ours."""
+    if len(attachment) != ATTACHMENT.size:
+        return None
+    sequence, first, bound, count, flags = ATTACHMENT.unpack(attachment)
+    kind, group = flags & (1 << KIND_BITS) - 1, flags >> KIND_BITS & (1 << GROUP_BITS) - 1
+    return Frame(sequence, first, bound, count, kind, group, flags >> STREAM_SHIFT, payload)

@@ -1,0 +1,274 @@
+"""Link: the conversation with one other group. What it sends arrives, once and in order.
+
+Zenoh is asked to drop rather than to block, so that no put holds anybody up. Each frame is kept
+until the other side has taken it; what was dropped, or lost with a cut cable, is sent again. The
+window of frames not yet taken is the credit: while it is full, the sources here are held back.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from typing import Any, NamedTuple
+
+import zenoh
+
+from lodeflow.transport import frame as frames
+from lodeflow.transport.frame import COUNT_BITS, COUNT_MASK, INCARNATIONS, Frame, attach
+from lodeflow.transport.session import put
+
+WINDOW = 1024
+"""Frames on their way at most."""
+WINDOW_BYTES = 32 << 20
+"""Bytes on their way at most (one frame more, where a frame is larger)."""
+ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 1 << 20, 0.02
+"""What is taken is acknowledged after so many frames, bytes, or seconds."""
+HELLO_EVERY = 0.05
+SEND_AGAIN_AFTER, SEND_AGAIN_MOST = 0.2, 1.0
+"""Seconds without an acknowledgement until the oldest frames are sent again; doubled each time."""
+AGAIN_FRAMES, AGAIN_BYTES = 32, 1 << 20
+"""How much of them: the other side may only be slow."""
+
+_HELLO = struct.Struct("<QQQB16s")
+
+
+class Hello(NamedTuple):
+    """What groups tell each other of themselves until both know enough.
+
+    Attributes:
+        incarnation: of the sender; a restarted process has a higher one.
+        heard: incarnation of the receiver that the sender knows of, or 0.
+        base: number of the oldest frame that the sender still keeps.
+        ready: bit 0: all links of the sender are up; bit 1: it knows that the receiver is ready;
+            bit 2: it knows that the receiver knows that.
+        graph: digest of the graph that it runs.
+    """
+
+    incarnation: int
+    heard: int
+    base: int
+    ready: int
+    graph: bytes
+
+
+def newer(one: int, other: int) -> bool:
+    """Whether an incarnation came after another; their numbers wrap."""
+    return 0 < (one - other) % INCARNATIONS < INCARNATIONS // 2
+
+
+class Link:
+    """One side of a conversation. All calls come from one thread.
+
+    Args:
+        peer: name of the other group.
+        index: number of this group, which goes into its frames.
+        publisher: at the other group's key.
+        incarnation: of this process, above 0.
+        graph: digest of the graph that runs here.
+
+    Attributes:
+        arrived: frames in order that nobody has worked on yet.
+        joined: both sides have heard each other.
+        peer_ready: all links of the other side are up.
+        departed: the other side has nothing more to send, and everything from here.
+        closed: the other group is gone for good.
+        restarts: how often the other side began anew.
+        refused: digest of another graph, if that is what the other side runs.
+    """
+
+    def __init__(
+        self, peer: str, index: int, publisher: zenoh.Publisher, incarnation: int, graph: bytes
+    ) -> None:
+        self.peer, self.index = peer, index
+        self.publisher = publisher
+        self.incarnation, self.graph = incarnation, graph
+        self.ready = False
+        self.joined = self.peer_ready = self.departed = self.closed = False
+        self.restarts = 0
+        self.refused: bytes | None = None
+        self.arrived: deque[Frame] = deque()
+        self._theirs = 0
+        self._expected = 0
+        self._done = 0
+        self._taken = 0
+        self._taken_bytes = 0
+        self._taken_since = 0.0
+        self._asked = (-1, 0.0)
+        self._next = 0
+        self._unacked: deque[tuple[int, bytes, bytes]] = deque()
+        self._bytes = 0
+        self._progress = 0.0
+        self._patience = SEND_AGAIN_AFTER
+        self._greeted = 0.0
+        self._knows = False
+        self.sent_again = 0
+
+    @property
+    def waiting(self) -> int:
+        """Frames sent and not yet taken by the other side."""
+        return len(self._unacked)
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether the other side is there to hear anything."""
+        status: Any = self.publisher.matching_status  # declared a bool, which it is not
+        return bool(status.matching)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the other side has to catch up first."""
+        return not self.closed and (len(self._unacked) >= WINDOW or self._bytes >= WINDOW_BYTES)
+
+    def send(
+        self, kind: int, stream: int, first: int, bound: int, count: int, payload: bytes
+    ) -> None:
+        """Send a frame in sequence, and keep it until it is taken."""
+        if self.closed:
+            return
+        number = self._next
+        self._next += 1
+        sequence = self.incarnation << COUNT_BITS | number
+        attachment = attach(sequence, first, bound, count, kind, self.index, stream)
+        self._unacked.append((number, attachment, payload))
+        self._bytes += len(payload)
+        put(self.publisher, payload, attachment)
+
+    def receive(self, frame: Frame, now: float) -> None:
+        """Take a frame of the other side in."""
+        if self.closed:
+            return
+        if frame.kind == frames.HELLO:
+            self._hear(frame.payload, now)
+            return
+        if frame.sequence >> COUNT_BITS != self._theirs or not self._theirs:
+            return  # of an earlier incarnation, or before its hello: it will come again
+        if frame.kind in (frames.ACK, frames.AGAIN):
+            self._acknowledged(frame.first, now)  # received is not yet taken
+            if frame.kind == frames.AGAIN:
+                self._send_again(now, since=frame.bound)
+            return
+        if frame.kind == frames.BYE:
+            self.departed = True
+            return
+        number = frame.sequence & COUNT_MASK
+        if number == self._expected:
+            self._expected += 1
+            self.arrived.append(frame)
+        elif number > self._expected:
+            if self._asked[0] != self._expected or now - self._asked[1] > HELLO_EVERY:
+                self._asked = (self._expected, now)
+                self._say(frames.AGAIN, self._done, self._expected)
+        else:  # it came twice: the acknowledgement may have been lost
+            self._taken_since = self._taken_since or now
+            self._taken = max(self._taken, 1)
+
+    def take(self, now: float) -> Frame:
+        """Return the next frame in order; `tend` will acknowledge it."""
+        frame = self.arrived.popleft()
+        if frame.sequence >> COUNT_BITS == self._theirs:  # not of before a restart
+            self._done = (frame.sequence & COUNT_MASK) + 1
+        self._taken += 1
+        self._taken_bytes += len(frame.payload)
+        self._taken_since = self._taken_since or now
+        return frame
+
+    def tend(self, now: float, *, at_once: bool = False) -> None:
+        """Acknowledge, greet, and send again, as far as it is time to.
+
+        Args:
+            now: monotonic seconds.
+            at_once: acknowledge also what could wait.
+        """
+        if self.closed:
+            return
+        if self._taken and (
+            at_once
+            or self._taken >= ACK_FRAMES
+            or self._taken_bytes >= ACK_BYTES
+            or now - self._taken_since >= ACK_AFTER
+        ):
+            self._taken = self._taken_bytes = 0
+            self._taken_since = 0.0
+            self._say(frames.ACK, self._done)
+        if not (self.joined and self.peer_ready and self._knows):
+            if now - self._greeted >= HELLO_EVERY:
+                self.greet(now)
+        elif not self._unacked:
+            self._progress = now
+        elif now - self._progress >= self._patience:
+            self._patience = min(2 * self._patience, SEND_AGAIN_MOST)
+            self._progress = now
+            self._send_again(now, AGAIN_FRAMES, AGAIN_BYTES)
+
+    def greet(self, now: float) -> None:
+        """Tell the other side what it may not know yet."""
+        self._greeted = now
+        base = self._unacked[0][0] if self._unacked else self._next
+        state = int(self.ready) | int(self.peer_ready) << 1 | int(self._knows) << 2
+        hello = _HELLO.pack(self.incarnation, self._theirs, base, state, self.graph)
+        put(self.publisher, hello, attach(0, 0, 0, 0, frames.HELLO, self.index, 0))
+
+    def say_bye(self) -> None:
+        """Tell the other side that everything is done here."""
+        self._say(frames.BYE, 0)
+
+    def close(self) -> None:
+        """Forget a group that is gone for good."""
+        self.closed = True
+        self._unacked.clear()
+        self.arrived.clear()
+        self._bytes = 0
+
+    def _say(self, kind: int, done: int, missing: int = 0) -> None:
+        sequence = self.incarnation << COUNT_BITS
+        put(self.publisher, b"", attach(sequence, done, missing, 0, kind, self.index, 0))
+
+    def _hear(self, payload: bytes, now: float) -> None:
+        if len(payload) != _HELLO.size:
+            return
+        hello = Hello(*_HELLO.unpack(payload))
+        if hello.graph != self.graph:
+            self.refused = hello.graph
+            return
+        if self._theirs != hello.incarnation:
+            if self._theirs and not newer(hello.incarnation, self._theirs):
+                return  # said before it was restarted
+            self.restarts += bool(self._theirs)
+            self._theirs = hello.incarnation
+            self._expected = self._done = hello.base
+            self._asked = (-1, 0.0)
+            self._taken = self._taken_bytes = 0
+            self.joined = self.peer_ready = self._knows = self.departed = False
+            self._greeted = 0.0
+        if hello.heard == self.incarnation and not self.joined:
+            self.joined = True
+            self._send_again(now)
+        self.peer_ready = bool(hello.ready & 1)
+        self._knows = hello.heard == self.incarnation and bool(hello.ready & 2)
+        # Answer only what it does not know yet and we do: else two would talk without end.
+        if (
+            hello.heard != self.incarnation
+            or (self.ready and not hello.ready & 2)
+            or (self.peer_ready and not hello.ready & 4)
+        ):
+            self.greet(now)
+
+    def _acknowledged(self, number: int, now: float) -> None:
+        if number > self._next:
+            return
+        while self._unacked and self._unacked[0][0] < number:
+            self._bytes -= len(self._unacked.popleft()[2])
+            self._progress = now
+            self._patience = SEND_AGAIN_AFTER
+
+    def _send_again(
+        self, now: float, most: int = WINDOW, size: float = float("inf"), since: int = 0
+    ) -> None:
+        """Send the oldest frames again: so many from a number on, no more after so many bytes."""
+        self._progress = now
+        for _, attachment, payload in [one for one in self._unacked if one[0] >= since][:most]:
+            self.sent_again += 1
+            put(self.publisher, payload, attachment)
+            size -= len(payload)
+            if size <= 0:
+                break

@@ -1,0 +1,412 @@
+"""Links: the exchange of a group with all others of its run, over one Zenoh session."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import zenoh
+from zenoh.handlers import FifoChannel
+
+from lodeflow.clock import monotonic, wall_time
+from lodeflow.errors import LodeflowError, RunError
+from lodeflow.graph import Graph, Wire
+from lodeflow.graph.groups import RECORDER
+from lodeflow.graph.partition import Part
+from lodeflow.messages.cdr import Layout, layout_of
+from lodeflow.messages.message import Message
+from lodeflow.runtime.exchange import Arrival, Driver
+from lodeflow.sync import END, NEVER
+from lodeflow.transport import frame as frames
+from lodeflow.transport import keys
+from lodeflow.transport.frame import INCARNATIONS, Frame, attach
+from lodeflow.transport.link import HELLO_EVERY, Link
+from lodeflow.transport.losses import Gap, LinkLosses
+from lodeflow.transport.session import put
+from lodeflow.transport.ticker import Ticker
+
+CAPACITY = 1 << 16
+"""Frames that may wait in Zenoh's queue; the windows of all links keep it far from full."""
+BATCH = 32
+"""Frames that are worked on before what came of them is passed on."""
+FRAME_BYTES = 256 << 10
+"""Size above which a block is cut into several frames."""
+PATIENCE = 5.0
+"""Seconds between two words on whom a group waits for."""
+LINGER = 0.5
+"""Seconds that a group which is done waits for the others to have heard so."""
+
+
+class Links:
+    """The exchange of one group.
+
+    Args:
+        session: an open session, used by nothing that blocks.
+        graph: the whole graph; every group of a run has the same.
+        part: the group that runs here.
+        groups: names of all groups, in the same order everywhere.
+        digest: 16 bytes that tell the graph from others; groups of another do not link.
+        on_note: called with each text that another group sends for the recorder.
+        attend: called whenever frames are looked for, also before and after the data.
+
+    Attributes:
+        losses: per link, what did not arrive.
+        foreign: messages of strangers on our keys; they are ignored.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        graph: Graph,
+        part: Part,
+        groups: Sequence[str],
+        digest: bytes = bytes(16),
+        *,
+        on_note: Callable[[str, str], None] = lambda group, text: None,
+        attend: Callable[[Links], None] = lambda links: None,
+    ) -> None:
+        self.part = part
+        self.outlets = frozenset(part.outlets)
+        self.incarnation = wall_time() // 10_000_000 % (INCARNATIONS - 1) + 1
+        me = groups.index(part.name)
+        self.links = {
+            groups.index(peer): Link(
+                peer,
+                me,
+                session.declare_publisher(
+                    keys.link(graph.name, peer, part.name),
+                    congestion_control=zenoh.CongestionControl.DROP,
+                ),
+                self.incarnation,
+                digest,
+            )
+            for peer in part.peers
+        }
+        self.by_name = {link.peer: link for link in self.links.values()}
+        self.wires = list(graph.streams())
+        kinds = {
+            Wire(node.name, port.name): port.type
+            for node in graph.nodes.values()
+            for port in node.plugin.spec.outputs
+        }
+        self.layouts: dict[Wire, Layout] = {
+            wire: layout_of(kinds[wire]) for wire in {*part.inlets, *part.outlets}
+        }
+        self._outlets = [
+            _Outlet(self.wires.index(wire), wire, [self.by_name[name] for name in readers])
+            for wire, readers in part.outlets.items()
+        ]
+        self.bounds = dict.fromkeys(part.inlets, NEVER)
+        self.losses = {name: LinkLosses() for name in self.by_name}
+        self.foreign = 0
+        self.gaps: list[Gap] = []
+        self._opened: dict[Wire, Gap] = {}
+        self._paces = [
+            wire
+            for wire, sender in part.inlets.items()
+            if sender not in part.knot and _speaks_by_step(graph, wire)
+        ]
+        self._on_note = on_note
+        self._attend = attend
+        self._driver: Driver | None = None
+        self.stop_asked = False
+        self.ready: deque[Arrival] = deque()
+        self._notes: deque[str] = deque()
+        me_key = keys.link(graph.name, part.name, part.name)
+        self._self = session.declare_publisher(me_key)
+        self._subscriber = session.declare_subscriber(
+            keys.link(graph.name, part.name, "*"), FifoChannel(CAPACITY)
+        )
+        self._ticker = Ticker(self.wake)
+
+    # ---- the engine's side -------------------------------------------------------------------
+
+    def attach(self, driver: Driver) -> None:
+        """Take the driver whose bounds are passed on."""
+        self._driver = driver
+
+    def tap(self, wire: Wire) -> Callable[[Message], None]:
+        """Return what takes the messages of an outlet, samples or blocks."""
+        return next(o.queue.append for o in self._outlets if o.wire == wire)
+
+    def take(self) -> Iterator[Arrival]:
+        """Yield what has come and may be worked on now."""
+        now = monotonic()
+        self._drain(now)
+        held = not self.has_room()
+        for link in self.links.values():
+            if held and link.peer not in self.part.knot:
+                continue
+            for _ in range(min(BATCH, len(link.arrived))):
+                arrival = self._open(link, link.take(now))
+                if arrival is not None:
+                    yield arrival
+        while self.ready:
+            yield self.ready.popleft()
+
+    def flush(self) -> None:
+        """Send what the outlets have, their bounds, and what the links have to say."""
+        driver = self._driver
+        while self._notes:
+            self.note(self._notes.popleft())
+        for outlet in self._outlets:
+            bound = NEVER if driver is None else driver.bound(outlet.wire)
+            if outlet.queue or bound > outlet.bound:
+                self._send(outlet, bound)
+        now = monotonic()
+        for link in self.links.values():
+            link.tend(now)
+
+    def has_room(self) -> bool:
+        """Whether all readers keep up."""
+        return not any(link.is_full for link in self.links.values())
+
+    def behind(self) -> int:
+        """Return the least bound of the streams that do not depend on this group."""
+        return min((self.bounds[wire] for wire in self._paces), default=END)
+
+    def is_open(self) -> bool:
+        """Whether a stream from another group has not ended."""
+        return any(bound < END for bound in self.bounds.values()) or bool(self.ready)
+
+    def wait(self, timeout: float) -> None:
+        """Wait until a frame comes, `wake` is called, or the time is up."""
+        if self.ready or (self.has_room() and any(link.arrived for link in self.links.values())):
+            return
+        self._ticker.set(timeout)
+        try:
+            self._receive(self._subscriber.recv(), monotonic())
+        finally:
+            self._ticker.clear()
+
+    def wake(self) -> None:
+        """End a wait."""
+        put(self._self, b"", attach(0, 0, 0, 0, frames.WAKE, 0, 0))
+
+    # ---- the group's side --------------------------------------------------------------------
+
+    def barrier(self, wanted: Callable[[], bool], report: Callable[[list[str]], None]) -> bool:
+        """Wait until all links of all neighbours are up; return whether they are.
+
+        Args:
+            wanted: whether to go on waiting.
+            report: called now and then with the names of those that are missing.
+
+        Raises:
+            RunError: another group runs another graph.
+        """
+        begun = monotonic()
+        said = begun
+        while wanted():
+            now = monotonic()
+            self._drain(now)
+            for link in self.links.values():
+                if link.refused is not None:
+                    raise RunError(
+                        f"group '{link.peer}' runs another graph, or the same with other args or "
+                        "overrides; start all groups with the same file and options"
+                    )
+            open_links = [link for link in self.links.values() if not link.closed]
+            joined = all(link.joined for link in open_links)
+            for link in open_links:
+                link.ready = joined
+                link.tend(now)
+            if joined and all(link.peer_ready for link in open_links):
+                return True
+            if now - said > PATIENCE:
+                said = now
+                late = [x.peer for x in open_links if not x.joined]
+                report(late or [x.peer for x in open_links if not x.peer_ready])
+            self.wait(HELLO_EVERY / 2)
+        return False
+
+    def farewell(self, patience: float | None = None) -> int:
+        """Wait until all that was sent is taken; return how many frames were not.
+
+        Args:
+            patience: seconds to wait at most; None for as long as it takes.
+        """
+        self.flush()
+        until = float("inf") if patience is None else monotonic() + patience
+        while (now := monotonic()) < until and any(link.waiting for link in self.links.values()):
+            self._drain(now)
+            for link in self.links.values():
+                link.tend(now)
+            self.wait(HELLO_EVERY)
+        for link in self.links.values():
+            link.tend(now, at_once=True)
+            link.say_bye()
+        until = min(until, monotonic() + LINGER)
+        while (now := monotonic()) < until:
+            left = [x for x in self.links.values() if not (x.departed or x.closed)]
+            if not any(x.is_matched for x in left):
+                break
+            self._drain(now)
+            for link in left:
+                link.tend(now, at_once=True)
+            self.wait(HELLO_EVERY)
+        return sum(link.waiting for link in self.links.values())
+
+    def note(self, text: str, group: str = "") -> None:
+        """Send a text to the recorder (or to a group), if it is there."""
+        link = self.by_name.get(group or RECORDER)
+        if link is not None:
+            link.send(frames.NOTE, 0, 0, 0, 0, text.encode())
+
+    def ask_to_stop(self) -> None:
+        """Ask the other groups to end their sources."""
+        for link in self.links.values():
+            link.send(frames.STOP, 0, 0, 0, 0, b"")
+
+    def later(self, text: str) -> None:
+        """Send a text to the recorder at the next flush; safe in any thread."""
+        self._notes.append(text)
+
+    def gone(self, group: str, *, lost: bool = True) -> None:
+        """Go on without a group that will not come back: its streams end where they are.
+
+        Args:
+            group: its name.
+            lost: it has crashed, and what it still owed is missing.
+        """
+        link = self.by_name.get(group)
+        if link is None or link.closed:
+            return
+        while link.arrived:  # what had arrived counts
+            arrival = self._open(link, link.take(monotonic()))
+            if arrival is not None:
+                self.ready.append(arrival)
+        link.close()
+        for wire, sender in self.part.inlets.items():
+            if sender == group and self.bounds[wire] < END:
+                if lost:
+                    self._gap(wire, group, self.bounds[wire], END)
+                self.bounds[wire] = END
+                self.ready.append(Arrival(wire, None, END))
+        self.wake()
+
+    def close(self) -> None:
+        """Stop the ticker; the session is closed by who opened it."""
+        self._ticker.close()
+
+    # ---- inside ------------------------------------------------------------------------------
+
+    def _drain(self, now: float) -> None:
+        self._attend(self)
+        while (sample := self._subscriber.try_recv()) is not None:
+            self._receive(sample, now)
+
+    def _receive(self, sample: Any, now: float) -> None:
+        attachment = sample.attachment
+        frame = (
+            None
+            if attachment is None
+            else frames.read(attachment.to_bytes(), sample.payload.to_bytes())
+        )
+        if frame is None:
+            self.foreign += 1
+        elif frame.kind == frames.WAKE:
+            return
+        elif (link := self.links.get(frame.group)) is None:
+            self.foreign += 1
+        else:
+            before = link.restarts
+            link.receive(frame, now)
+            if link.restarts > before:
+                self._restarted(link.peer)
+
+    def _open(self, link: Link, frame: Frame) -> Arrival | None:
+        """Return what a frame brings, decoded."""
+        if frame.kind == frames.STOP:
+            self.stop_asked = True
+            return None
+        if frame.kind == frames.NOTE:
+            self._on_note(link.peer, frame.payload.decode("utf-8", "replace"))
+            return None
+        wire = self.wires[frame.stream] if frame.stream < len(self.wires) else None
+        if wire is None or self.part.inlets.get(wire) != link.peer:
+            self.losses[link.peer].undecodable += 1
+            return None
+        floor = self.bounds[wire]
+        block = None
+        if frame.rows:
+            layout = self.layouts[wire]
+            try:
+                records = np.frombuffer(frame.payload, dtype=np.uint8)
+                block = layout.decode_block(records.reshape(frame.rows, layout.size))
+            except (ValueError, LodeflowError):
+                self.losses[link.peer].undecodable += 1
+                self._gap(wire, link.peer, frame.first, frame.bound)
+                block = None
+        if block is not None and block.t[0] < floor:  # computed again after a restart
+            fresh = block.t >= floor
+            self.losses[link.peer].repeated += int(len(fresh) - fresh.sum())
+            block = block[fresh] if fresh.any() else None
+        if block is not None and wire in self._opened:
+            gap = self._opened.pop(wire)
+            self._gap(wire, link.peer, gap.since, int(block.t[0]))
+        self.bounds[wire] = max(floor, frame.bound)
+        if block is None and self.bounds[wire] == floor:
+            return None
+        return Arrival(wire, block, self.bounds[wire])
+
+    def _restarted(self, peer: str) -> None:
+        for wire, sender in self.part.inlets.items():
+            if sender == peer and NEVER < self.bounds[wire] < END:
+                self._opened[wire] = Gap(wire, self.part.name, peer, self.bounds[wire], END)
+        self.losses[peer].restarts += 1
+
+    def _gap(self, wire: Wire, peer: str, since: int, until: int) -> None:
+        self.losses[peer].gaps += 1
+        gap = Gap(wire, self.part.name, peer, since, until)
+        self.gaps.append(gap)
+        self.note(gap.as_json())
+
+    def _send(self, outlet: _Outlet, bound: int) -> None:
+        layout = self.layouts[outlet.wire]
+        readers = [link for link in outlet.readers if not link.closed]
+        queue = outlet.queue
+        while queue:
+            message = queue.popleft()
+            if not message.is_block and queue and not queue[0].is_block:
+                samples = [message]
+                while queue and not queue[0].is_block:
+                    samples.append(queue.popleft())
+                message = layout.kind.stack(samples)
+            if not message.is_block:
+                t = message.t
+                payload = layout.encode_sample(message)
+                outlet.bound = bound if not queue and bound > t else t + 1
+                for link in readers:
+                    link.send(frames.DATA, outlet.number, t, outlet.bound, 1, payload)
+                continue
+            rows = max(1, FRAME_BYTES // layout.size)
+            for at in range(0, len(message), rows):
+                piece = message[at : at + rows] if len(message) > rows else message
+                last = not queue and at + rows >= len(message)
+                t = piece.t
+                outlet.bound = bound if last and bound > t[-1] else int(t[-1]) + 1
+                payload = layout.encode_block(piece).tobytes()
+                for link in readers:
+                    link.send(frames.DATA, outlet.number, int(t[0]), outlet.bound, len(t), payload)
+        if bound > outlet.bound:
+            outlet.bound = bound
+            for link in readers:
+                link.send(frames.DATA, outlet.number, 0, bound, 0, b"")
+
+
+class _Outlet:
+    """A stream that other groups read."""
+
+    def __init__(self, number: int, wire: Wire, readers: Sequence[Link]) -> None:
+        self.number, self.wire, self.readers = number, wire, readers
+        self.queue: deque[Any] = deque()
+        self.bound = NEVER
+
+
+def _speaks_by_step(graph: Graph, wire: Wire) -> bool:
+    """Whether a port's bound moves on while its node runs."""
+    port = graph.nodes[wire.node].plugin.spec.output(wire.port)
+    return port is not None and port.by_step and not port.by_finish

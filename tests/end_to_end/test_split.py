@@ -1,0 +1,149 @@
+"""Graphs in several processes: the same bytes, failures that are told, and policies that hold."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import toys
+from command_line import CommandLine
+from processes import children, gone, wait_for_recording
+
+ALL = ("one", "graph", "split")
+RUN_DIR = "run"
+"""Where the tests' own runs have their sockets, in the folder of the test."""
+
+
+@pytest.fixture
+def toy(lodeflow: CommandLine) -> CommandLine:
+    lodeflow.write("toys.py", toys.MODULE)
+    lodeflow.write("toy.yaml", toys.GRAPH)
+    return lodeflow
+
+
+def summary(text: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def with_groups(toy: CommandLine, groups: str) -> None:
+    toy.write("groups.yaml", f"processes: {groups}\n")
+
+
+@pytest.mark.parametrize("pace", [(), ("--realtime", "--arg", "seconds=1")])
+def test_one_some_or_many_processes_record_the_same(
+    toy: CommandLine, pace: tuple[str, ...]
+) -> None:
+    counts = []
+    for way in ALL:
+        run = ("run", "toy.yaml", "--processes", way, "--record", f"{way}.mcap", "--json")
+        told = summary(toy(*run, "--arg", "seconds=30", *pace).stdout)
+        counts.append({name: told[name] for name in ("streams", "nodes", "event_seconds")})
+    assert counts[0] == counts[1] == counts[2]
+    for way in ALL[1:]:
+        assert "the same" in toy("compare", "one.mcap", f"{way}.mcap").stdout
+        toy("replay", f"{way}.mcap", "--check")
+
+
+def test_every_graph_records_the_same_in_one_process_and_in_one_per_node(
+    lodeflow: CommandLine, graphs: Path
+) -> None:
+    for way in ("one", "split"):
+        lodeflow("run", graphs / "heading.yaml", "--processes", way, "--record", f"{way}.mcap",
+                 "--arg", "duration=20")  # fmt: skip
+    assert "the same" in lodeflow("compare", "one.mcap", "split.mcap").stdout
+
+
+def test_the_recording_has_the_logs_and_the_summary_of_all_groups(toy: CommandLine) -> None:
+    toy("run", "toy.yaml", "--arg", "seconds=1")
+    told = toy("info", "out.mcap", "--json").stdout
+    assert "rosout" in told
+    assert "total" in told
+
+
+def test_a_failing_node_is_told_with_its_group_and_ends_the_run(toy: CommandLine) -> None:
+    done = toy("run", "toy.yaml", "--set", "double.fail_at=150", "--json", code=1)
+    error = summary(done.stdout)["error"]
+    assert error.startswith("group 'gains' failed: node 'double' (Gain.step_block) failed at t=5")
+    assert "ValueError: broken on purpose (toys.py:" in error
+    toy("info", "out.mcap")
+
+
+def test_the_others_go_on_where_the_graph_says_so(toy: CommandLine) -> None:
+    with_groups(toy, "{source: [ticks], gains: {nodes: [double], on_crash: continue}, "
+                     "rest: [triple], ends: [sum, total]}")  # fmt: skip
+    done = toy("run", "toy.yaml", "--with", "groups.yaml", "--set", "double.fail_at=150",
+               "--arg", "seconds=30", "--json", code=1)  # fmt: skip
+    told = summary(done.stdout)
+    assert told["streams"]["triple"] == 6000
+    assert told["streams"]["sum"] == 100
+    assert told["links"]["ends"]["gains"]["gaps"] == 1
+    assert "the others go on" in done.stderr
+    toy("info", "out.mcap")
+
+
+def test_a_killed_group_is_started_again(toy: CommandLine) -> None:
+    with_groups(toy, "{source: [ticks], gains: {nodes: [double, triple], restart: on-failure}, "
+                     "ends: [sum, total]}")  # fmt: skip
+    process = toy.start("run", "toy.yaml", "--with", "groups.yaml", "--realtime", "--json",
+                        "--arg", "seconds=3")  # fmt: skip
+    wait_for_recording(toy.folder / "out.mcap")
+    time.sleep(0.7)
+    victim = children(process.pid)[2]  # behind the janitor and the source
+    os.kill(victim, signal.SIGKILL)
+    output, errors = process.communicate(timeout=60)
+    told = summary(output)
+    assert process.returncode == 1, errors  # the run was not what it should have been
+    assert told["restarts"] == {"gains": 1}
+    assert "'gains' was ended by SIGKILL; starting it again, without its state" in errors
+    assert told["links"]["ends"]["gains"]["restarts"] == 1
+    assert told["error"] is None
+    assert told["streams"]["ticks"] == 600
+    # Nothing is missing behind it: what it had not taken came again, and Sum has no state.
+    assert told["streams"]["sum"] == 600
+    assert gone(process.pid)
+
+
+def test_a_group_that_always_fails_is_given_up(toy: CommandLine) -> None:
+    with_groups(toy, "{source: [ticks], gains: {nodes: [double, triple], restart: on-failure, "
+                     "limit: 2}, ends: [sum, total]}")  # fmt: skip
+    done = toy("run", "toy.yaml", "--with", "groups.yaml", "--set", "double.fail_at=0", "--json",
+               code=1)  # fmt: skip
+    told = summary(done.stdout)
+    assert told["restarts"] == {"gains": 2}
+    assert "it was started again 2 times" in told["error"]
+
+
+def test_a_slow_reader_holds_the_sources_back(toy: CommandLine) -> None:
+    """Nothing is dropped between nodes, and nobody keeps more than a window."""
+    done = toy("run", "toy.yaml", "--set", "double.sleep=0.0001", "--arg", "seconds=60", "--json")
+    told = summary(done.stdout)
+    assert told["streams"]["total"] == 12000
+    assert told["lossless"]
+
+
+def test_a_slow_reader_makes_a_live_device_overflow_and_that_is_counted(toy: CommandLine) -> None:
+    toy.write("live.yaml", toys.GRAPH.replace(
+        '{use: "toys:Ticks", params: {rate: "${rate}", seconds: "${seconds}"}}',
+        '{use: "toys:Device", params: {burst: 10}}').replace(
+        "args: {rate: 200, seconds: 3600}\n", ""))  # fmt: skip
+    process = toy.start("run", "live.yaml", "--set", "double.sleep=0.0003", "--json", "--no-record",
+                        "--duration", "3")  # fmt: skip
+    output, errors = process.communicate(timeout=120)
+    told = summary(output)
+    lost = told["nodes"]["ticks"]["lost"]
+    assert process.returncode == 1, errors
+    assert set(lost) == {"overflow"}
+    assert told["streams"]["double"] == told["streams"]["ticks"] == told["nodes"]["sum"]["stepped"]
+
+
+def test_unknown_groups_and_ambiguous_endpoints_are_told(toy: CommandLine) -> None:
+    done = toy("run", "toy.yaml", "--only", "gain", code=1)
+    assert done.stderr == ("lodeflow: no group 'gain' in graph 'toy', did you mean 'gains'?\n")
+    done = toy("run", "toy.yaml", "--listen", "tcp/127.0.0.1:0", code=2)
+    assert "several groups run here; say whose it is: GROUP=tcp/127.0.0.1:0" in done.stderr

@@ -1,0 +1,57 @@
+"""Split runs end as a whole, whatever ends first: no process, no file, a recording that reads."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import time
+from pathlib import Path
+
+import pytest
+import toys
+from command_line import CommandLine
+from processes import children, is_running, wait_for_recording
+from test_split import RUN_DIR
+
+WAYS = ("SIGINT", "SIGTERM", "a child", "the supervisor", "the recorder")
+PATIENCE = 2.0
+"""Seconds in which everything is to be gone: a promise of every run."""
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("way", WAYS)
+def test_everything_ends(lodeflow: CommandLine, way: str, seed: int) -> None:
+    run_dir = lodeflow.folder / RUN_DIR
+    lodeflow.write("toys.py", toys.MODULE)
+    lodeflow.write("toy.yaml", toys.GRAPH)
+    before = set(Path("/dev/shm").iterdir())
+    process = lodeflow.start("run", "toy.yaml", "--realtime", "--json")
+    wait_for_recording(lodeflow.folder / "out.mcap")
+    rng = random.Random(seed)
+    time.sleep(rng.uniform(0.0, 0.3))
+    started = children(process.pid)  # janitor, source, gains, ends, recorder
+    assert len(started) == 5
+    victim = {"the supervisor": process.pid, "the recorder": started[4]}.get(
+        way, rng.choice(started[1:4])
+    )
+    begun = time.monotonic()
+    if way.startswith("SIG"):
+        process.send_signal(signal.Signals[way])
+    else:
+        os.kill(victim, signal.SIGKILL)
+    _, errors = process.communicate(timeout=20)
+    while any(map(is_running, started)) and time.monotonic() - begun < 10:
+        time.sleep(0.01)
+    took = time.monotonic() - begun
+    assert [pid for pid in started if is_running(pid)] == []
+    assert took < PATIENCE, errors
+    assert list((run_dir / "lodeflow").iterdir()) == []
+    assert set(Path("/dev/shm").iterdir()) <= before
+    expected = {"SIGINT": 130, "SIGTERM": 130, "the supervisor": -signal.SIGKILL}
+    assert process.returncode == expected.get(way, 1), errors
+    if way == "the recorder":
+        lodeflow("recover", "out.mcap")
+        lodeflow("info", "out.recovered.mcap")
+    else:
+        lodeflow("info", "out.mcap")
