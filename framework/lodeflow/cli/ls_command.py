@@ -24,7 +24,7 @@ from lodeflow.supervisor.looking import View, Where, close, runs
 def command(graph: str | None, long: bool, endpoints: bool, as_json: bool, where: Where) -> int:
     """List the running graphs; with a name or -l, their streams.
 
-    The rate of a stream is its mean since the start.
+    The rate of a stream is that of its stamps since the start, as in the summary of a run.
     """
     if endpoints:
         found = [run for run in rundir.running() if graph in (None, run.graph)]
@@ -85,18 +85,23 @@ def _told(view: View) -> dict[str, Any]:
 
 def _streams(view: View) -> list[dict[str, Any]]:
     stats = view.ask("stats")
-    means = {
-        name: count / told["seconds"]
+    spans = [
+        (told["first"], told["reached"]) for told in stats.values() if told["first"] is not None
+    ]
+    span = (max(b for _, b in spans) - min(a for a, _ in spans)) / 1e9 if spans else 0.0
+    rates = {
+        name: (count - 1) / span
         for told in stats.values()
         for node in told["nodes"].values()
         for name, count in node["sent"].items()
+        if count > 1 and span > 0
     }
     return [
         {
             "name": stream.name,
             "type": stream.type,
             "process": stream.group,
-            "rate": means.get(stream.name),
+            "rate": rates.get(stream.name),
             "key": stream.key,
         }
         for stream in view.streams.values()

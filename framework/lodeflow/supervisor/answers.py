@@ -113,6 +113,7 @@ class Answers:
             "group": self.group,
             "pid": os.getpid(),
             "seconds": monotonic() - self.started,
+            "first": self.engine.first,
             "reached": self.engine.reached,
             "paced": by_samples,
             **process_usage(),

@@ -98,8 +98,8 @@ class View:
             return [streams[name].key]
         if ports := [s.key for s in streams.values() if s.name.split(".")[0] == name]:
             return ports
-        silent = f"; no answer from: {', '.join(self.silent)}" if self.silent else ""
         known = did_you_mean(name, streams) or f" (streams: {', '.join(streams) or 'none'})"
+        silent = f" (no answer from: {', '.join(self.silent)})" if self.silent else ""
         raise RunError(f"no stream '{name}' in graph '{self.graph}'{known}{silent}")
 
     def ask(self, what: str, timeout: float = PATIENCE, **details: Any) -> dict[str, Any]:

@@ -15,8 +15,11 @@ from lodeflow.graph import Wire, dump
 from lodeflow.graph.groups import RECORDER
 from lodeflow.recording.events import CHANGE, GAP, LOG, in_range
 from lodeflow.recording.recorder import Recorder
-from lodeflow.runtime.engine import TICK
-from lodeflow.supervisor.group import Tell, obey, open_links
+from lodeflow.runtime.engine import TICK, Engine
+from lodeflow.runtime.exchange import part_of
+from lodeflow.runtime.plan import Plan
+from lodeflow.supervisor.answers import Answers
+from lodeflow.supervisor.group import Tell, obey, open_links, open_window
 from lodeflow.supervisor.interrupt import interruptible
 from lodeflow.supervisor.setup import Report, Setup
 
@@ -43,6 +46,11 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
     }
     takers = recorder.open({wire: kinds[wire] for wire in setup.parts[RECORDER].inlets})
     stopping = threading.Event()
+    # It runs no node; but others can ask how it is, like every process of the run.
+    plan = Plan(part_of(setup.graph, (), {}))
+    idle = Engine(plan, exchange=links, samples=setup.samples)
+    answers = Answers(setup.graph, RECORDER, plan, idle, lambda: tell("stop"), links, setup.groups)
+    window = open_window(setup, RECORDER, plan, answers, lambda: None)
 
     def stop() -> None:
         stopping.set()
@@ -80,6 +88,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
             report.error = f"lodeflow itself failed: {type(error).__name__}: {error}"
             logging.getLogger("lodeflow").exception("in the recorder")
         closing()
+        window.close()
         report.reached = recorder.reached
         report.stopped = stopping.is_set()
         report.links = {peer: losses.as_dict() for peer, losses in links.losses.items()}

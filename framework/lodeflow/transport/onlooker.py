@@ -80,6 +80,7 @@ class Onlooker:
         self._bytes = 0
         self._lock = threading.Lock()
         self._news = threading.Event()
+        self._threads: list[threading.Thread] = []
 
     def ask(
         self, what: str, *, graph: str = "*", group: str = "*", timeout: float, **details: Any
@@ -120,9 +121,11 @@ class Onlooker:
         except zenoh.ZError as error:
             why = str(error).split(" at ")[0]
             raise RunError(f"{key!r} is no key expression of Zenoh: {why}") from None
-        threading.Thread(
+        thread = threading.Thread(
             target=self._drain, args=(subscriber,), name=f"watch {key}", daemon=True
-        ).start()
+        )
+        self._threads.append(thread)
+        thread.start()
 
     def take(self, timeout: float) -> list[Sighting]:
         """Return what has come since the last call; wait for it, but no longer than so (s)."""
@@ -135,8 +138,10 @@ class Onlooker:
         return found
 
     def close(self) -> None:
-        """Close the session, which ends our threads."""
+        """Close the session, and see our threads end: one inside Zenoh at exit would abort."""
         close_session(self._session)
+        for thread in self._threads:
+            thread.join(1.0)
 
     def _drain(self, subscriber: Any) -> None:
         while True:

@@ -31,14 +31,13 @@ from lodeflow.transport.session import close_session, open_session, put
 
 ENCODING = "application/cdr"
 """Encoding of a stream's payload; its schema is the ROS 2 name of the message type."""
-ROWS_BYTES = 1 << 20
-"""Size above which a block is put in pieces."""
+ROWS_BYTES = 32 << 10
+"""Size above which a block is put in pieces: each fits a batch of Zenoh's, and is dropped alone."""
 SETTINGS: Mapping[str, Any] = {
-    # A put is made by the run's own thread: what an onlooker has no room for is dropped at once,
-    # not after a wait, which at a frozen one would come with each put.
+    # A put is made by the run's own thread: what an onlooker has no room for is dropped at once.
     "transport/link/tx/queue/size/data": 16,
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
-    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 0,
+    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2_000,
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 500_000,
 }
 
