@@ -40,7 +40,7 @@ class Answers:
         plan: Plan,
         engine: Engine,
         stop: Callable[[], None],
-        tell: Tell,
+        tell: Tell = lambda t, node, use, params: None,
         links: Any = None,
         groups: Sequence[str] = (),
     ) -> None:

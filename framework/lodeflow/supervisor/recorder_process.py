@@ -18,6 +18,7 @@ from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import TICK, Engine
 from lodeflow.runtime.exchange import part_of
 from lodeflow.runtime.plan import Plan
+from lodeflow.runtime.samples import SampleDriver
 from lodeflow.supervisor.answers import Answers
 from lodeflow.supervisor.group import Tell, obey, open_links, open_window
 from lodeflow.supervisor.interrupt import interruptible
@@ -46,11 +47,14 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
     }
     takers = recorder.open({wire: kinds[wire] for wire in setup.parts[RECORDER].inlets})
     stopping = threading.Event()
-    # It runs no node; but others can ask how it is, like every process of the run.
+    # It runs no node; but like every process of the run it answers questions.
     plan = Plan(part_of(setup.graph, (), {}))
     idle = Engine(plan, exchange=links, samples=setup.samples)
-    answers = Answers(setup.graph, RECORDER, plan, idle, lambda: tell("stop"), links, setup.groups)
-    window = open_window(setup, RECORDER, plan, answers, lambda: None)
+    idle.driver = SampleDriver(plan)
+    answers = Answers(
+        setup.graph, RECORDER, plan, idle, lambda: tell("stop"), links=links, groups=setup.groups
+    )
+    window = open_window(setup, RECORDER, plan, answers, links.wake)
 
     def stop() -> None:
         stopping.set()
@@ -64,6 +68,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         while notes:
             _note(recorder, reports, *notes.popleft())
         obey(links, orders)
+        answers.tend()
         links.flush()
         recorder.keep_up(recorder.reached)
 
