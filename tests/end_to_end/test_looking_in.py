@@ -22,7 +22,9 @@ import zenoh
 from command_line import CommandLine
 from processes import gone
 
+from lodeflow.transport.onlooker import Onlooker
 from lodeflow.transport.session import open_session
+from lodeflow.transport.viewing import StreamView
 
 DOCS = Path(__file__).parents[2] / "docs"
 STEP = 5_000_000
@@ -67,11 +69,33 @@ def parsed(text: str) -> Any:
     return json.loads(text)
 
 
-@pytest.mark.parametrize("way", ["one", "split"])
-def test_every_command(toy: CommandLine, way: str) -> None:
-    process = start(toy, way)
-    nodes = ["ticks", "double", "triple", "sum", "total"]
-    groups = ["main"] if way == "one" else [*nodes, "recorder"]
+NODES = ["ticks", "double", "triple", "sum", "total"]
+
+
+def test_every_command_of_one_process_for_people(toy: CommandLine) -> None:
+    process = start(toy, "one")
+    text = toy("echo", "ticks", "-n", 2).stdout
+    assert re.fullmatch(r"(ticks  \d+\.\d{9}  value=[\d.e+]+\n){2}", text)
+    by_key = toy("echo", "lodeflow/toy/*/out", "-n", 10).stdout.splitlines()
+    assert len({line.split()[0] for line in by_key}) > 1
+    listing = toy("ls", "-l").stdout
+    assert re.search(rf"toy +{process.pid} +5 +.* s +main", listing)
+    assert re.search(r"sum +toys_msgs/msg/Count +200 Hz +main", listing)
+    assert re.search(r"ticks +\d+ +.* Hz +200 Hz", toy("hz", "--once").stdout)
+    table = toy("top", "--once").stdout
+    assert re.search(r"main +\d+ +[\d.]+% +\d+ MiB", table)
+    assert re.search(r"ticks +total +[\d.]+ (µs|ms) +[\d.]+ (µs|ms)", table)
+    drawing = toy("graph", "--live").stdout
+    assert re.search(r"out     Count  recorded  \d+(\.\d+)? Hz", drawing)
+    assert "stopped 'toy'" in toy("stop").stderr
+    output, errors = process.communicate(timeout=20)
+    assert process.returncode == 130, errors
+    assert parsed(output)["lossless"]
+
+
+def test_every_command_of_one_process_per_node_for_programs(toy: CommandLine) -> None:
+    process = start(toy, "split")
+    groups = [*NODES, "recorder"]
 
     lines = [json.loads(x) for x in toy("echo", "toy/sum", "-n", 20, "--json").stdout.splitlines()]
     stamps = [line["t"] for line in lines]
@@ -79,18 +103,14 @@ def test_every_command(toy: CommandLine, way: str) -> None:
     for line in lines:
         assert line["stream"] == "sum"
         assert line["fields"] == {"value": {"value": 5 * line["t"] / STEP, "unit": ""}}
-    text = toy("echo", "ticks", "-n", 2).stdout
-    assert re.fullmatch(r"(ticks  \d+\.\d{9}  value=[\d.e+]+\n){2}", text)
-    by_key = toy("echo", "lodeflow/toy/*/out", "-n", 10).stdout.splitlines()
-    assert len({line.split()[0] for line in by_key}) > 1
 
     (found,) = parsed(toy("ls", "--json").stdout)
     assert (found["graph"], found["pid"]) == ("toy", process.pid)
     assert list(found["processes"]) == groups
     (found,) = parsed(toy("ls", "toy", "--json").stdout)
-    assert [stream["name"] for stream in found["streams"]] == nodes
+    assert [stream["name"] for stream in found["streams"]] == NODES
     assert {stream["type"] for stream in found["streams"]} == {"toys_msgs/msg/Count"}
-    assert found["streams"][0]["rate"] == pytest.approx(200, rel=0.01)
+    assert found["streams"][0]["rate"] == pytest.approx(200, rel=0.05)
     assert found["silent"] == []
 
     pulses = parsed(toy("hz", "sum", "ticks", "--once", "--window", "0.5", "--json").stdout)
@@ -100,7 +120,7 @@ def test_every_command(toy: CommandLine, way: str) -> None:
     assert pulses["streams"]["sum"]["missed"] == 0
 
     vitals = parsed(toy("top", "--once", "--json").stdout)
-    assert list(vitals["nodes"]) == nodes
+    assert list(vitals["nodes"]) == NODES
     assert list(vitals["processes"]) == groups
     assert vitals["paced"]
     assert all(node["sent"][name] > 0 for name, node in vitals["nodes"].items())
@@ -111,10 +131,7 @@ def test_every_command(toy: CommandLine, way: str) -> None:
     assert 0 < path["p50"] <= path["p99"]
     assert vitals["silent"] == []
 
-    drawing = toy("graph", "--live").stdout
-    assert re.search(r"out     Count  recorded  \d+(\.\d+)? Hz", drawing)
-    assert "Hz" in toy("graph", "--live", "toy", "--format", "mermaid").stdout
-
+    assert " Hz" in toy("graph", "--live", "toy", "--format", "mermaid").stdout
     assert "stopped 'toy'" in toy("stop").stderr
     output, errors = process.communicate(timeout=20)
     assert process.returncode == 130, errors
@@ -124,95 +141,101 @@ def test_every_command(toy: CommandLine, way: str) -> None:
     assert "losses: none" in toy("info", told["recording"]).stdout
 
 
-def test_a_table_is_shown_for_people(toy: CommandLine) -> None:
-    start(toy, "one")
-    assert re.search(r"toy +\d+ +5 +.* s +main", toy("ls").stdout)
-    assert re.search(r"sum +toys_msgs/msg/Count +200 Hz +main", toy("ls", "-l").stdout)
-    assert re.search(r"ticks +\d+ +.* Hz +200 Hz", toy("hz", "--once").stdout)
-    table = toy("top", "--once").stdout
-    assert re.search(r"main +\d+ +[\d.]+% +\d+ MiB", table)
-    assert re.search(r"ticks +total +[\d.]+ (µs|ms) +[\d.]+ (µs|ms)", table)
-
-
 def test_ctrl_c_ends_an_echo_and_not_the_run(toy: CommandLine) -> None:
     process = start(toy, "one")
     echo = toy.start("echo", "total")
-    assert echo.stdout is not None
-    assert echo.stdout.readline().startswith("total  ")
+    assert first_line(echo).startswith("total  ")
     echo.send_signal(signal.SIGINT)
     _, errors = echo.communicate(timeout=20)
     assert echo.returncode == 130
-    assert errors == ""
+    assert errors.strip() == ""
     assert process.poll() is None
 
 
 def test_who_reads_no_further_ends_an_echo(toy: CommandLine) -> None:
     start(toy, "one")
     echo = toy.start("echo", "total")
+    assert first_line(echo).startswith("total  ")
     assert echo.stdout is not None
-    assert echo.stdout.readline().startswith("total  ")
     echo.stdout.close()
     assert echo.wait(timeout=20) == 0
     assert echo.stderr is not None
     assert echo.stderr.read() == ""
 
 
+def first_line(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert line, process.communicate()
+    return line
+
+
+def stop(process: subprocess.Popen[str]) -> dict[str, Any]:
+    """End a run by Ctrl-C; return its summary."""
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+    found: dict[str, Any] = json.loads(output)
+    return found
+
+
 @pytest.mark.parametrize("how", ["end", "kill"])
 def test_an_echo_ends_with_the_run(toy: CommandLine, how: str) -> None:
-    process = start(toy, "one", *(["--arg", "seconds=2"] if how == "end" else []))
+    process = start(toy, "one")
     echo = toy.start("echo", "total", "--json")
-    assert echo.stdout is not None
-    assert json.loads(echo.stdout.readline())["stream"] == "total"
+    assert json.loads(first_line(echo))["stream"] == "total"
     if how == "kill":
         process.kill()
+    else:
+        told = stop(process)
     output, errors = echo.communicate(timeout=30)
     assert echo.returncode == 0
     assert errors == "total: the run has ended\n"
     if how == "end":
-        assert json.loads(output.splitlines()[-1])["t"] == 399 * STEP
+        assert json.loads(output.splitlines()[-1])["t"] == (told["streams"]["total"] - 1) * STEP
 
 
 @pytest.mark.parametrize("way", ["one", "split"])
 def test_a_frozen_onlooker_holds_nobody_up(toy: CommandLine, way: str) -> None:
-    process = start(toy, way, "--arg", "seconds=3", "--arg", "rate=2000")
+    process = start(toy, way, "--arg", "rate=1000")
     echo = toy.start("echo", "lodeflow/toy/**")
-    assert echo.stdout is not None
-    echo.stdout.readline()
+    first_line(echo)
     echo.send_signal(signal.SIGSTOP)
-    output, errors = process.communicate(timeout=60)
-    assert process.returncode == 0, errors
-    told = parsed(output)
-    assert told["streams"] == dict.fromkeys(told["streams"], 6000)
+    other, view = Onlooker(endpoints(toy)), StreamView("lodeflow/toy/total/out")
+    other.watch(view.key)
+    while view.rows < 3000:  # beyond what the sockets to the frozen one hold
+        for sighting in other.take(1.0):
+            view.see(sighting)
+    other.close()
+    told = stop(process)
     assert told["lossless"]
+    assert set(told["streams"].values()) == {told["streams"]["ticks"]}
     echo.send_signal(signal.SIGCONT)
-    _, errors = echo.communicate(timeout=30)
+    _, errors = echo.communicate(timeout=60)
     assert echo.returncode == 0, errors
 
 
 @pytest.mark.parametrize("way", ["one", "split"])
 def test_garbage_on_its_keys_does_a_run_no_harm(toy: CommandLine, way: str) -> None:
-    process = start(toy, way, "--arg", "seconds=3")
-    port = free_port()
-    stranger = open_session(connect=endpoints(toy), listen=[f"tcp/127.0.0.1:{port}"])
-    echo = toy.start("echo", "sum", "--connect", f"tcp/127.0.0.1:{port}", *connected(toy))
-    garbage = [b"", b"\0" * 32, b"\xff" * 500, b'{"ask": "change", "sets": 3}']
-    for _ in range(20):
-        for data in garbage:
+    process, meeting = start(toy, way), f"tcp/127.0.0.1:{free_port()}"
+    stranger = open_session(connect=endpoints(toy), listen=[meeting])
+    echo = toy.start("echo", "sum", *connected(toy), "--connect", meeting)
+    first_line(echo)
+    for _ in range(10):
+        for data in (b"", b"\0" * 32, b"\xff" * 500, b'{"ask": "change", "sets": 3}'):
             for key in ("lodeflow/toy/sum/out", "lodeflow/toy/none/at/all"):
                 stranger.put(key, data, attachment=data[:32], encoding="application/cdr;x")
             for group in ("main", "sum", "recorder"):
                 stranger.put(f"@lodeflow/toy/control/{group}", data)
                 stranger.put(f"@lodeflow/toy/to/{group}/ticks", data, attachment=bytes(32))
-            list(stranger.get("@lodeflow/toy/control/*", payload=data, timeout=2.0))
-        time.sleep(0.05)
-    output, errors = process.communicate(timeout=60)
-    shown, _ = echo.communicate(timeout=30)
+            replies = list(stranger.get("@lodeflow/toy/control/*", payload=data, timeout=5.0))
+            assert all(b"error" in reply.ok.payload.to_bytes() for reply in replies)
     stranger.close()  # type: ignore[no-untyped-call]
-    assert process.returncode == 0, errors
-    assert parsed(output)["streams"]["total"] == 600
-    assert parsed(output)["lossless"]
-    assert "Traceback" not in errors
-    assert len(shown.splitlines()) > 50
+    told = stop(process)
+    assert told["lossless"]
+    assert set(told["streams"].values()) == {told["streams"]["ticks"]}
+    shown, _ = echo.communicate(timeout=60)
     assert all(line.startswith("sum  ") for line in shown.splitlines())
 
 
@@ -243,8 +266,7 @@ def test_a_run_on_another_host_is_looked_into_by_its_endpoint(toy: CommandLine) 
 
 def test_names_that_are_none_are_told(toy: CommandLine) -> None:
     assert toy("ls").stderr == "no graph is running here\n"
-    assert parsed(toy("ls", "--json").stdout) == []
-    for command in (["echo", "sum"], ["hz"], ["top"], ["stop"], ["graph", "--live"]):
+    for command in (["echo", "sum"], ["graph", "--live"]):
         told = toy(*command, code=1).stderr
         assert told.startswith("lodeflow: no graph is running here; 'lodeflow run' starts one")
     start(toy, "one")
@@ -252,7 +274,7 @@ def test_names_that_are_none_are_told(toy: CommandLine) -> None:
     assert "no graph 'tyo' is running, did you mean 'toy'?" in toy("stop", "tyo", code=1).stderr
     assert "no key expression" in toy("echo", "lodeflow/toy/**/**", code=1).stderr
     assert "--connect" in toy("echo", "robot/1/mag", code=1).stderr
-    start(toy, "one")
+    start(toy, "one", "--no-record")
     assert re.search(r"several graphs run: toy@\d+, toy@\d+; name", toy("top", code=1).stderr)
     name = f"toy@{toy.started[0].pid}"
     assert toy("echo", f"{name}/sum", "-n", 1).stdout.startswith("sum  ")
@@ -294,9 +316,8 @@ def test_another_program_decodes_a_stream_without_lodeflow(toy: CommandLine) -> 
         text=True,
     )
     toy.started.append(listener)
-    assert listener.stdout is not None
     for _ in range(5):
-        seconds, value = map(float, listener.stdout.readline().split())
+        seconds, value = map(float, first_line(listener).split())
         assert value == pytest.approx(5 * round(seconds * 200))
 
 

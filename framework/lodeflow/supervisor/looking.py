@@ -15,7 +15,7 @@ from lodeflow.supervisor.rundir import Running
 from lodeflow.transport.keys import DATA
 from lodeflow.transport.onlooker import Onlooker
 
-PATIENCE = 2.0
+PATIENCE = 4.0
 """Seconds that processes have to answer the first question."""
 SETTLED = 0.3
 """Seconds after the first answer from another host in which further ones are waited for."""

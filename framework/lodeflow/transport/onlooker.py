@@ -23,8 +23,8 @@ from lodeflow.transport import keys
 from lodeflow.transport.frame import Frame
 from lodeflow.transport.session import close_session, open_session
 
-RING = 256
-"""Puts that may wait in Zenoh for our thread; then the oldest is overwritten."""
+RING = 2048
+"""Puts of up to 32 KB that may wait in Zenoh for our thread; then the oldest is overwritten."""
 KEPT, KEPT_BYTES = 8192, 64 << 20
 """Sightings that may wait to be taken, and their bytes."""
 
