@@ -10,9 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +30,10 @@ STEP = 5_000_000
 
 
 @pytest.fixture
-def toy(lodeflow: CommandLine) -> Iterator[CommandLine]:
+def toy(lodeflow: CommandLine) -> CommandLine:
     lodeflow.write("toys.py", toys.MODULE)
     lodeflow.write("toy.yaml", toys.GRAPH)
-    runtime = tempfile.mkdtemp(prefix="lf")  # the path of a socket is short
-    lodeflow.environment["XDG_RUNTIME_DIR"] = runtime
-    yield lodeflow
-    lodeflow.end()
-    shutil.rmtree(runtime)
+    return lodeflow
 
 
 def run_dirs(toy: CommandLine) -> list[Path]:

@@ -85,9 +85,7 @@ def _told(view: View) -> dict[str, Any]:
 
 def _streams(view: View) -> list[dict[str, Any]]:
     stats = view.ask("stats")
-    spans = [
-        (told["first"], told["reached"]) for told in stats.values() if told["first"] is not None
-    ]
+    spans = [(told["first"], told["last"]) for told in stats.values() if told["first"] is not None]
     span = (max(b for _, b in spans) - min(a for a, _ in spans)) / 1e9 if spans else 0.0
     rates = {
         name: (count - 1) / span

@@ -114,6 +114,7 @@ class Answers:
             "pid": os.getpid(),
             "seconds": monotonic() - self.started,
             "first": self.engine.first,
+            "last": self.engine.last,
             "reached": self.engine.reached,
             "paced": by_samples,
             **process_usage(),
