@@ -61,11 +61,14 @@ class CommandLine:
         return process
 
     def end(self) -> None:
-        """Kill what still runs."""
+        """Kill what still runs, and close what nobody has read to its end."""
         for process in self.started:
             if process.poll() is None:
                 process.kill()
                 process.communicate()
+            for pipe in (process.stdout, process.stderr):
+                if pipe is not None:
+                    pipe.close()
 
     def write(self, name: str, text: str) -> Path:
         """Write a file into the folder."""

@@ -26,6 +26,11 @@ COMMANDS: dict[str, str] = {
     "nodes": "List the installed plugins, or document one.",
     "new": "Write a plugin package with a passing test.",
     "import": "Turn a file of sensor data into a recording.",
+    "ls": "List the running graphs, and their streams.",
+    "echo": "Print the messages of a stream of a running graph.",
+    "hz": "Measure the rates of the streams of a running graph.",
+    "top": "Show what a running graph does: rates, latencies, losses, CPU, memory.",
+    "stop": "End a running graph.",
 }
 
 

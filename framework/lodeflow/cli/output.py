@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import logging
 import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
-from rich.console import Console
+from rich.console import Console, RenderableType
+from rich.live import Live
 from rich.measure import Measurement
 from rich.table import Table
 
 from lodeflow.messages.message import Message
-from lodeflow.messages.units import Radian
+from lodeflow.messages.units import Radian, RadPerSecond, Unit
 
 RESULT = Console(highlight=False, markup=False)
 STATUS = Console(stderr=True, highlight=False, markup=False)
@@ -39,6 +42,22 @@ def print_whole(shown: Table) -> None:
     wide = RESULT.options.update(max_width=100_000)
     width = max(RESULT.width, Measurement.get(RESULT, wide, shown).maximum)
     Console(width=width, highlight=False, markup=False).print(shown)
+
+
+def shown_unit(unit: type[Unit]) -> tuple[float, str]:
+    """Return the unit in which people are shown a quantity, as its factor and symbol."""
+    spelling = {Radian: "deg", RadPerSecond: "deg/s"}.get(unit, unit.symbol)
+    return 1 / unit.factor(spelling), spelling
+
+
+@contextmanager
+def show_again() -> Iterator[Callable[[RenderableType], None]]:
+    """Yield what prints a table anew: over the one before on a terminal, else below it."""
+    if not RESULT.is_terminal:
+        yield RESULT.print
+        return
+    with Live(console=RESULT, auto_refresh=False, vertical_overflow="visible") as live:
+        yield lambda shown: live.update(shown, refresh=True)
 
 
 def score_lines(name: str, score: Message) -> list[tuple[str, str]]:

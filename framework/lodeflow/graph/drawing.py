@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Literal, get_args
 
 from lodeflow.graph.model import Gate, Graph, GraphNode, Wire
@@ -13,24 +14,33 @@ from lodeflow.sync import describe
 Format = Literal["text", "mermaid", "dot"]
 
 
-def draw(graph: Graph, format: Format = "text") -> str:  # noqa: A002 - the option is called so
+def draw(
+    graph: Graph,
+    format: Format = "text",  # noqa: A002 - the option is called so
+    notes: Mapping[str, str] = MappingProxyType({}),
+) -> str:
     """Return a drawing of a graph.
 
     Args:
         graph: the graph.
         format: "text", nodes in the order in which they run, with ports, types, syncs and gates;
             "mermaid", for Markdown; "dot", for Graphviz.
+        notes: what is said of streams beside their types, by "node" or "node.port".
 
     Raises:
         ValueError: no such format.
     """
-    drawings: dict[str, Callable[[Graph], str]] = {"text": _text, "mermaid": _mermaid, "dot": _dot}
+    drawings: dict[str, Callable[[Graph, Mapping[str, str]], str]] = {
+        "text": _text,
+        "mermaid": _mermaid,
+        "dot": _dot,
+    }
     if format not in drawings:
         raise ValueError(f"format {format!r} is none of {', '.join(get_args(Format))}")
-    return drawings[format](graph)
+    return drawings[format](graph, notes)
 
 
-def _text(graph: Graph) -> str:
+def _text(graph: Graph, notes: Mapping[str, str]) -> str:
     count = sum(1 for _ in graph.streams())
     lines = [f"{graph.name}: {_plural(len(graph.nodes), 'node')}, {_plural(count, 'stream')}"]
     groups = {node: group for group, it in graph.processes.items() for node in it.nodes}
@@ -43,13 +53,13 @@ def _text(graph: Graph) -> str:
         group = f"in process {groups[name]}" if name in groups else ""
         head = ", ".join(part for part in (how, group) if part)
         lines += ["", f"{name:{width}}  {node.use}" + (f"  ({head})" if head else "")]
-        rows = _rows(graph, node)
+        rows = _rows(graph, node, notes)
         for at, row in enumerate(rows):
             lines.append(f"{'└' if at == len(rows) - 1 else '├'}─ {row}")
     return "\n".join(lines)
 
 
-def _rows(graph: Graph, node: GraphNode) -> list[str]:
+def _rows(graph: Graph, node: GraphNode, notes: Mapping[str, str]) -> list[str]:
     """Return one line per input, gate and output of a node."""
     spec = node.plugin.spec
     delayed = {edge.port for edge in edges(graph.nodes) if edge.to == node.name and edge.delayed}
@@ -66,16 +76,18 @@ def _rows(graph: Graph, node: GraphNode) -> list[str]:
         rows.append(f"in   {head}  {source}{late}")
     rows += [f"when {gate.wire} is {' or '.join(_names(graph, gate))}" for gate in node.gates]
     for output, (name, kind) in zip(spec.outputs, ports[len(spec.inputs) :], strict=True):
-        kept = "  recorded" if _is_recorded(graph, Wire(node.name, output.name)) else ""
+        wire = Wire(node.name, output.name)
+        kept = "  recorded" if _is_recorded(graph, wire) else ""
         end = "  at the end" if output.by_finish and not output.by_step else ""
         head = f"{name:{name_width}}  {kind:{kind_width}}"
-        rows.append(f"out  {head}{end}{kept}".rstrip())
+        note = f"  {notes[str(wire)]}" if str(wire) in notes else ""
+        rows.append(f"out  {head}{end}{kept}{note}".rstrip())
     if node.allow:
         rows.append(f"may lose: {', '.join(sorted(node.allow))}")
     return rows
 
 
-def _mermaid(graph: Graph) -> str:
+def _mermaid(graph: Graph, notes: Mapping[str, str]) -> str:
     """Node ids get a prefix: some words, such as `end`, mean something to Mermaid."""
     lines = ["flowchart LR"]
 
@@ -93,11 +105,13 @@ def _mermaid(graph: Graph) -> str:
     for edge in edges(graph.nodes):
         arrow = "-->" if edge.port is not None and not edge.delayed else "-.->"
         label = _entities(_label(graph, edge))
+        if str(edge.wire) in notes:
+            label += f"<br/>{_entities(notes[str(edge.wire)])}"
         lines.append(f'  n_{edge.wire.node} {arrow}|"{label}"| n_{edge.to}')
     return "\n".join(lines)
 
 
-def _dot(graph: Graph) -> str:
+def _dot(graph: Graph, notes: Mapping[str, str]) -> str:
     lines = [f"digraph {_quoted(graph.name)} {{", "  rankdir=LR;", "  node [shape=box];"]
 
     def box(node: GraphNode, indent: str) -> str:
@@ -114,7 +128,8 @@ def _dot(graph: Graph) -> str:
     for edge in edges(graph.nodes):
         style = "" if edge.port is not None and not edge.delayed else ", style=dashed"
         ends = f"{_quoted(edge.wire.node)} -> {_quoted(edge.to)}"
-        lines.append(f"  {ends} [label={_quoted(_label(graph, edge))}{style}];")
+        note = [notes[str(edge.wire)]] if str(edge.wire) in notes else []
+        lines.append(f"  {ends} [label={_quoted(_label(graph, edge), *note)}{style}];")
     return "\n".join([*lines, "}"])
 
 

@@ -296,6 +296,13 @@ class BlockDriver:
     def retap(self, wire: Wire) -> None:
         """Use the plan's taps of a port as they are now: its outputs do so by themselves."""
 
+    def waiting(self) -> dict[str, int]:
+        """Return how many messages wait at each node for others; safe in any thread."""
+        return {
+            node.node.name: sum(len(p.t) for c in node.columns.values() for p in list(c.parts))
+            for node in self.nodes
+        }
+
     def _settle(self) -> None:
         again = True
         while again:  # more than once only where a cycle leads back

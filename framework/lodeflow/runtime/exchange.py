@@ -41,6 +41,9 @@ class Driver(Protocol):
     def change(self, name: str) -> None:
         """Look at the changes of a node, which have been added to."""
 
+    def waiting(self) -> dict[str, int]:
+        """Return how many messages wait at each node for others; safe in any thread."""
+
 
 class Exchange(Protocol):
     """The other groups of a run, as an engine sees them.

@@ -17,7 +17,7 @@ from lodeflow.graph.model import Wire
 from lodeflow.messages.message import Message
 from lodeflow.node import OutputPort
 from lodeflow.runtime.gaps import without
-from lodeflow.runtime.joins import Run, make_join
+from lodeflow.runtime.joins import Join, Run, make_join
 from lodeflow.runtime.output import Accept, Advance, Output
 from lodeflow.runtime.plan import (
     RAISED,
@@ -44,6 +44,7 @@ class SampleNode:
         self.ended = False
         self.last_row = NEVER
         self.joins = node.sync is not None or bool(node.gates)
+        self.join: Join | None = None
         self.accept: list[Accept] = []
         self.advance: list[Advance] = []
         self.senders: dict[str, Callable[[Any, int], None]] = {}
@@ -60,7 +61,7 @@ class SampleNode:
             return
         run = self._changing_run()
         if self.joins:
-            join = make_join(self.node, run, self.move, hears=hears)
+            self.join = join = make_join(self.node, run, self.move, hears=hears)
             self.accept, self.advance = join.accept, join.advance
             self._rerun = join.use
             return
@@ -345,6 +346,14 @@ class SampleDriver:
         for output in self.nodes[wire.node].outputs:
             if output.port.name == wire.port:
                 output.retap()
+
+    def waiting(self) -> dict[str, int]:
+        """Return how many messages wait at each node for others; safe in any thread."""
+        return {
+            name: sum(map(len, node.join.queues)) + len(node.join.pending)
+            for name, node in self.nodes.items()
+            if node.join is not None
+        }
 
     def count(self) -> None:
         """Bring the plan's counters of sent messages up to date."""

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from lodeflow.clock import monotonic
 from lodeflow.errors import RunError, did_you_mean
 from lodeflow.graph import Graph, dump
+from lodeflow.graph.drawing import draw
+from lodeflow.graph.model import Wire
 from lodeflow.messages.ros import schema_text
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.changes import Changes, Tell
-from lodeflow.supervisor.meter import Meter, process_usage
+from lodeflow.supervisor.meter import Meter, paths, process_usage
+from lodeflow.transport import keys
 
 
 class Answers:
@@ -27,6 +30,7 @@ class Answers:
         stop: asks the run to stop.
         tell: told of each change that was made.
         links: the links to other groups, if there are any.
+        groups: names of all process groups of the run.
     """
 
     def __init__(
@@ -36,12 +40,14 @@ class Answers:
         plan: Plan,
         engine: Engine,
         stop: Callable[[], None],
-        tell: Tell,
+        tell: Tell = lambda t, node, use, params: None,
         links: Any = None,
+        groups: Sequence[str] = (),
     ) -> None:
         self.group, self.plan, self.engine = group, plan, engine
         self.changes = Changes(graph, plan, engine, tell)
         self.links = links
+        self.groups = tuple(groups) or (group,)
         self.stop = stop
         self.meter = Meter(graph, plan)
         self.started = monotonic()
@@ -49,6 +55,7 @@ class Answers:
             "about": self.about,
             "stats": self.stats,
             "graph": lambda asked: {"yaml": dump(self.graph)},
+            "drawing": self._drawing,
             "stop": self._stop,
             "change": self.changes.answer,
         }
@@ -76,40 +83,49 @@ class Answers:
         return self.questions[what](asked)
 
     def about(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what runs here: nodes, and streams with their types and definitions."""
+        """Return what runs here: nodes, and streams with their keys, types and definitions."""
+        ports = {
+            Wire(n.name, port.name): port.type for n in self.plan.mine for port in n.spec.outputs
+        }
         return {
             "graph": self.graph.name,
             "group": self.group,
+            "groups": list(self.groups),
             "pid": os.getpid(),
+            "host": os.uname().nodename,
+            "seconds": monotonic() - self.started,
             "nodes": {node.name: self.graph.nodes[node.name].use for node in self.plan.mine},
+            "order": list(self.graph.nodes),
             "streams": {
-                f"{node.name}/{port.name}": {
-                    "type": port.type.ros,
-                    "schema": schema_text(port.type),
-                }
-                for node in self.plan.mine
-                for port in node.spec.outputs
+                str(wire): {"key": keys.stream(self.graph.name, wire), "type": kind.ros}
+                for wire, kind in ports.items()
             },
+            "schemas": {kind.ros: schema_text(kind) for kind in ports.values()},
+            "paths": paths(self.graph),
         }
 
     def stats(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Return counters, queues, losses, ages of messages, and what the process uses."""
-        links = self.links
-        if self.engine.driver is not None:
-            self.engine.count()
+        """Return counters, queues, losses, passings of messages, and what the process uses."""
+        links, driver = self.links, self.engine.driver
+        by_samples = self.engine.by_samples
+        self.engine.count()
         return {
             "group": self.group,
             "pid": os.getpid(),
             "seconds": monotonic() - self.started,
+            "first": self.engine.first,
+            "last": self.engine.last,
             "reached": self.engine.reached,
-            "paced": self.engine.by_samples,
+            "paced": by_samples,
             **process_usage(),
             "nodes": {
                 node.name: {
                     "stepped": node.counters.stepped,
                     "unmatched": node.counters.unmatched,
                     "gated": node.counters.gated,
-                    "sent": dict(node.counters.sent),
+                    "sent": {
+                        str(Wire(node.name, port)): n for port, n in node.counters.sent.items()
+                    },
                     "lost": dict(node.counters.lost),
                 }
                 for node in self.plan.mine
@@ -127,8 +143,13 @@ class Answers:
                 for link in links.links.values()
             },
             "foreign": 0 if links is None else links.foreign,
-            "ages": self.meter.ages(),
+            "waiting": {} if driver is None else driver.waiting(),
+            "passings": self.meter.passings(float(asked.get("window", 1.0))) if by_samples else {},
         }
+
+    def _drawing(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Draw the graph, with a text at each stream that there is one for."""
+        return {"drawing": draw(self.graph, asked.get("format", "text"), asked.get("notes", {}))}
 
     def _stop(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         self.stop()

@@ -112,7 +112,9 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         links.later(json.dumps({"change": {"t": t, "node": node, "use": use, "params": params}}))
         tell(("changed", node, use, params))
 
-    answers = Answers(setup.graph, name, plan, engine, lambda: tell("stop"), changed, links)
+    answers = Answers(
+        setup.graph, name, plan, engine, lambda: tell("stop"), changed, links, setup.groups
+    )
     window = open_window(setup, name, plan, answers, links.wake)
     with interruptible(engine.stop, engine.stopping.is_set, by=(signal.SIGTERM,)) as closing:
         try:

@@ -15,8 +15,12 @@ from lodeflow.graph import Wire, dump
 from lodeflow.graph.groups import RECORDER
 from lodeflow.recording.events import CHANGE, GAP, LOG, in_range
 from lodeflow.recording.recorder import Recorder
-from lodeflow.runtime.engine import TICK
-from lodeflow.supervisor.group import Tell, open_links
+from lodeflow.runtime.engine import TICK, Engine
+from lodeflow.runtime.exchange import part_of
+from lodeflow.runtime.plan import Plan
+from lodeflow.runtime.samples import SampleDriver
+from lodeflow.supervisor.answers import Answers
+from lodeflow.supervisor.group import Tell, open_links, open_window
 from lodeflow.supervisor.interrupt import interruptible
 from lodeflow.supervisor.setup import Report, Setup
 
@@ -45,6 +49,14 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
     }
     takers = recorder.open({wire: kinds[wire] for wire in setup.parts[RECORDER].inlets})
     stopping = threading.Event()
+    # It runs no node; but like every process of the run it answers questions.
+    plan = Plan(part_of(setup.graph, (), {}))
+    idle = Engine(plan, exchange=links, samples=setup.samples)
+    idle.driver = SampleDriver(plan)
+    answers = Answers(
+        setup.graph, RECORDER, plan, idle, lambda: tell("stop"), links=links, groups=setup.groups
+    )
+    window = open_window(setup, RECORDER, plan, answers, links.wake)
 
     def stop() -> None:
         stopping.set()
@@ -57,6 +69,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
                 recorder.reached = max(recorder.reached, int(block.t[-1]))
         while notes:
             _note(recorder, reports, *notes.popleft())
+        answers.tend()
         links.flush()
         recorder.keep_up(recorder.reached)
 
@@ -81,6 +94,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
             report.error = f"lodeflow itself failed: {type(error).__name__}: {error}"
             logging.getLogger("lodeflow").exception("in the recorder")
         closing()
+        window.close()
         report.reached = recorder.reached
         report.stopped = stopping.is_set()
         report.links = {peer: losses.as_dict() for peer, losses in links.losses.items()}

@@ -130,11 +130,12 @@ def sweep() -> None:
 
 
 def is_alive(pid: int) -> bool:
-    """Whether there is a process of that number."""
+    """Whether there is a process of that number, and not just its exit code to be fetched."""
     try:
         os.kill(pid, 0)
-    except ProcessLookupError:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except (ProcessLookupError, FileNotFoundError):
         return False
     except PermissionError:
         return True
-    return True
+    return stat.rpartition(")")[2].split()[0] != "Z"

@@ -31,8 +31,15 @@ from lodeflow.transport.session import close_session, open_session, put
 
 ENCODING = "application/cdr"
 """Encoding of a stream's payload; its schema is the ROS 2 name of the message type."""
-ROWS_BYTES = 1 << 20
-"""Size above which a block is put in pieces."""
+ROWS_BYTES = 32 << 10
+"""Size above which a block is put in pieces: each fits a batch of Zenoh's, and is dropped alone."""
+SETTINGS: Mapping[str, Any] = {
+    # A put is made by the run's own thread: what an onlooker has no room for is dropped at once.
+    "transport/link/tx/queue/size/data": 16,
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
+    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 2_000,
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 500_000,
+}
 
 Answer = Callable[[Mapping[str, Any]], Any]
 """Answers one question, given and answered as plain data; runs on the window's own thread."""
@@ -50,7 +57,6 @@ class Window:
         config: Zenoh configuration file to begin with.
         answer: answers questions that come over the control key.
         wake: called, on any thread, when `tend` should be.
-        settings: further settings of the session.
 
     Raises:
         RunError: an endpoint cannot be used.
@@ -68,7 +74,9 @@ class Window:
         answer: Answer,
         wake: Callable[[], None],
     ) -> None:
-        self.session = open_session(listen=listen, connect=connect, config=config)
+        self.session = open_session(
+            listen=listen, connect=connect, settings=SETTINGS, config=config
+        )
         self._plan = plan
         self._answer = answer
         self._wake = wake
@@ -93,10 +101,11 @@ class Window:
             return
         self._changed = False
         for pane in self._panes:
-            if pane.wanted != pane.open:
+            wanted = pane.wanted  # read once: it changes on a thread of Zenoh
+            if wanted != pane.open:
                 taps = self._plan.taps[pane.wire]
-                (taps.append if pane.wanted else taps.remove)(pane.show)
-                pane.open = pane.wanted
+                (taps.append if wanted else taps.remove)(pane.show)
+                pane.open = wanted
                 driver.retap(pane.wire)
 
     def close(self) -> None:
@@ -123,7 +132,7 @@ class Window:
                 told = {"answer": self._answer(asked)}
             except LodeflowError as error:
                 told = {"error": str(error)}
-            except (ValueError, TypeError, KeyError, AttributeError) as error:
+            except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
                 told = {"error": f"not understood: {type(error).__name__}: {error}"}
             except Exception as error:
                 logging.getLogger("lodeflow").exception("a question failed")

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from lodeflow.graph import Graph, draw, load_graph, load_graph_text
+from lodeflow.graph.drawing import Format
 
 WALK = Path(__file__).parent / "walk.yaml"
 LOOP = """\
@@ -121,3 +122,16 @@ def test_names_are_escaped() -> None:
 def test_unknown_format() -> None:
     with pytest.raises(ValueError, match="'svg' is none of text, mermaid, dot"):
         draw(load_graph(WALK), "svg")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("form", "shown"),
+    [
+        ("text", "└─ out       MagneticField  99 <Hz>\n"),
+        ("mermaid", 'n_cal -->|"mag: MagneticField<br/>99 #lt;Hz#gt;"| n_fuser'),
+        ("dot", '"cal" -> "fuser" [label="mag: MagneticField\\n99 <Hz>"];'),
+    ],
+)
+def test_notes_stand_beside_their_streams(form: Format, shown: str) -> None:
+    drawn = draw(load_graph(WALK), form, {"cal": "99 <Hz>", "nobody": "1 Hz"})
+    assert shown in drawn
