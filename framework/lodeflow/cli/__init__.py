@@ -30,6 +30,8 @@ COMMANDS: dict[str, str] = {
     "echo": "Print the messages of a stream of a running graph.",
     "hz": "Measure the rates of the streams of a running graph.",
     "top": "Show what a running graph does: rates, latencies, losses, CPU, memory.",
+    "set": "Set parameters of a running graph.",
+    "swap": "Swap plugins of a running graph.",
     "stop": "End a running graph.",
 }
 
