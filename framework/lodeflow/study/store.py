@@ -131,8 +131,10 @@ def write(results: Results, folder: Path, command: Sequence[str], started: str) 
     if parquet := _parquet(results, folder / f"{CELLS}.parquet"):
         written.append(parquet)
     (folder / "study").mkdir(exist_ok=True)
-    for file in study.files:
-        kept = folder / "study" / file.name
+    names = [file.name for file in study.files]
+    for number, file in enumerate(study.files):
+        name = file.name if names.count(file.name) == 1 else f"{number}-{file.name}"
+        kept = folder / "study" / name
         shutil.copyfile(file, kept)
         written.append(kept)
     about = folder / "provenance.json"
