@@ -161,6 +161,9 @@ class Table:
     source: str = ""
 
 
+FigureKind = Literal["bars", "lines", "box"]
+
+
 @dataclass(frozen=True)
 class Figure:
     """A figure over the cells.
@@ -178,7 +181,7 @@ class Figure:
 
     name: str
     title: str
-    kind: Literal["bars", "lines", "box"]
+    kind: FigureKind
     x: str
     series: str | None
     value: Value

@@ -86,7 +86,9 @@ def plugins_of(cell: Cell) -> set[str]:
 
 def job_of(cell: Cell) -> Job:
     """Return a cell as a worker gets it."""
-    document = json.dumps(cell.graph.document, ensure_ascii=False)  # JSON is YAML, and fast
+    # A cell runs in one process, which changes no byte; JSON is YAML, and fast.
+    kept = {name: value for name, value in cell.graph.document.items() if name != "processes"}
+    document = json.dumps(kept, ensure_ascii=False)
     recording = "" if cell.change.recording is None else str(cell.change.recording)
     return Job(document, str(cell.change.graph), recording, cell.change.start, cell.streams)
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from lodeflow.errors import RunError
 from lodeflow.recording.provenance import host, versions
+from lodeflow.study.key import code_of
 from lodeflow.study.model import Cell, Column, Study
 from lodeflow.study.worker import Outcome
 
@@ -130,8 +131,10 @@ def write(results: Results, folder: Path, command: Sequence[str], started: str) 
     if parquet := _parquet(results, folder / f"{CELLS}.parquet"):
         written.append(parquet)
     (folder / "study").mkdir(exist_ok=True)
-    for file in study.files:
-        kept = folder / "study" / file.name
+    names = [file.name for file in study.files]
+    for number, file in enumerate(study.files):
+        name = file.name if names.count(file.name) == 1 else f"{number}-{file.name}"
+        kept = folder / "study" / name
         shutil.copyfile(file, kept)
         written.append(kept)
     about = folder / "provenance.json"
@@ -142,17 +145,14 @@ def write(results: Results, folder: Path, command: Sequence[str], started: str) 
 
 def provenance(study: Study, command: Sequence[str], started: str) -> dict[str, Any]:
     """Return what, beside the files of the study, decides its results."""
-    plugins = {
-        node.plugin.__module__.partition(".")[0]
-        for cell in study.cells
-        for node in cell.graph.nodes.values()
-    }
+    modules = {node.plugin.__module__ for cell in study.cells for node in cell.graph.nodes.values()}
+    packages = set().union(*[code_of(module)[1] for module in modules])
     return {
         "study": study.name,
         "command": list(command),
         "started": started,
         **host(),
-        "versions": versions(plugins),
+        "versions": versions(packages),
         "axes": {name: list(axis.labels) for name, axis in study.axes.items()},
         "args": _args(study),
         "notes": list(study.notes),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 from lodeflow.errors import MessageError, did_you_mean
@@ -13,7 +13,7 @@ from lodeflow.graph.reading import check_keys, mapping
 from lodeflow.graph.tree import Tree
 from lodeflow.messages.units import Dimensionless
 from lodeflow.study.axes import label_of
-from lodeflow.study.model import Axis, Column, Figure, Table, Value, Where
+from lodeflow.study.model import Axis, Column, Figure, FigureKind, Table, Value, Where
 from lodeflow.study.statistics import Statistic
 
 TABLE = (
@@ -66,39 +66,37 @@ class Views:
     def _table(self, name: str, tree: Tree, path: str) -> Iterator[Table]:
         before = len(self.problems)
         rows = self._axes(tree, "rows", path)
-        columns = self._axes(tree, "columns", path, optional=True)
+        columns = self._axis(tree, "columns", path, optional=True)
         values = tuple(self._values(tree, path))
-        if len(columns) > 1:
-            tree.entries["columns"].refuse(self.problems, join(path, "columns"), "takes one axis")
-        if set(rows) & set(columns):
-            both = tree.entries["columns"]
-            both.refuse(self.problems, join(path, "columns"), "this axis names the rows already")
+        if columns and columns in rows:
+            what = "this axis names the rows already"
+            tree.entries["columns"].refuse(self.problems, join(path, "columns"), what)
         where = self._where(tree, path)
         margin = self._statistic(tree.find("margin"), values, join(path, "margin"))
         table = Table(
             name,
             self._text(tree, "title", path) or name,
             rows,
-            columns[0] if columns else None,
+            columns or None,
             values,
             where,
             margin if tree.find("margin") else None,
         )
         extra = {**self._compare(table, tree, path), **self._reference(table, tree, path)}
         if len(self.problems) == before:
-            yield Table(**{**vars(table), **extra})
+            yield replace(table, **extra)
 
     def _figure(self, name: str, tree: Tree, path: str) -> Iterator[Figure]:
         before = len(self.problems)
-        kinds = get_args(Figure.__annotations__.get("kind")) or ("bars", "lines", "box")
+        kinds = get_args(FigureKind)
         kind = tree.find("kind")
         if kind is None or kind.value not in kinds:
             near = did_you_mean(str(kind.value), kinds) if kind else ""
             what = f"should be {', '.join(kinds)}{near}"
             place = kind.place if kind else tree.name_place
             self.problems.add(place, join(path, "kind"), what)
-        x = self._axes(tree, "x", path)
-        series = self._axes(tree, "series", path, optional=True)
+        x = self._axis(tree, "x", path)
+        series = self._axis(tree, "series", path, optional=True)
         values = tuple(self._values(tree, path))
         log = tree.find("log")
         if log is not None and not isinstance(log.value, bool):
@@ -112,8 +110,8 @@ class Views:
                 name,
                 title,
                 shown,
-                x[0],
-                series[0] if series else None,
+                x,
+                series or None,
                 values[0],
                 where,
                 bool(log and log.value),
@@ -127,6 +125,13 @@ class Views:
             what = f"should be a text, got {show(found.plain())}"
             found.refuse(self.problems, join(path, key), what)
         return str(found.value)
+
+    def _axis(self, tree: Tree, key: str, path: str, *, optional: bool = False) -> str:
+        """Return the only axis that a key names, or "" for none."""
+        names = self._axes(tree, key, path, optional=optional)
+        if len(names) > 1:
+            tree.entries[key].refuse(self.problems, join(path, key), "takes one axis")
+        return names[0] if names else ""
 
     def _axes(self, tree: Tree, key: str, path: str, *, optional: bool = False) -> tuple[str, ...]:
         """Return the axes that a key names: one, or a list of them."""

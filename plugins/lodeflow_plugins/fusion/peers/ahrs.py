@@ -7,10 +7,13 @@ import numpy as np
 from pydantic import Field
 
 import lodeflow as lf
-from lodeflow_plugins.fusion.peers.common import Peer, needed, scalar_last
+from lodeflow_plugins.fusion.peers.common import Peer, missing, scalar_last
 from lodeflow_plugins.fusion.tilt_compass.compass import measure
 
-filters = needed("ahrs.filters")
+try:
+    from ahrs import filters
+except ImportError as error:
+    raise missing("ahrs", error) from error
 
 SQRT_HALF = math.sqrt(0.5)
 

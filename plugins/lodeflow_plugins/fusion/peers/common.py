@@ -1,6 +1,5 @@
 """What the wrapped filters have in common: how their inputs meet, and how they begin."""
 
-import importlib
 from typing import Annotated, Any
 
 import numpy as np
@@ -9,15 +8,12 @@ from pydantic import Field
 import lodeflow as lf
 
 
-def needed(package: str) -> Any:
-    """Import a package of the extra `peers`. Raises NodeError, with what to do, without it."""
-    try:
-        return importlib.import_module(package)
-    except ImportError as error:
-        raise lf.NodeError(
-            f"this plugin wraps the package {package.partition('.')[0]}, which cannot be imported "
-            f"({error}); install lodeflow with its extra: pip install 'lodeflow[peers]'"
-        ) from error
+def missing(package: str, error: ImportError) -> lf.NodeError:
+    """Return what to raise where a package of the extra `peers` cannot be imported."""
+    return lf.NodeError(
+        f"this plugin wraps the package {package}, which cannot be imported ({error}); "
+        "install lodeflow with its extra: pip install 'lodeflow[peers]'"
+    )
 
 
 def scalar_last(quaternion: np.ndarray) -> np.ndarray:

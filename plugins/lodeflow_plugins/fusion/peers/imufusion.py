@@ -7,9 +7,12 @@ import numpy as np
 from pydantic import Field
 
 import lodeflow as lf
-from lodeflow_plugins.fusion.peers.common import RatedPeer, RateParams, needed, scalar_last
+from lodeflow_plugins.fusion.peers.common import RatedPeer, RateParams, missing, scalar_last
 
-imufusion = needed("imufusion")
+try:
+    import imufusion
+except ImportError as error:
+    raise missing("imufusion", error) from error
 
 
 class ImuFusion(RatedPeer):

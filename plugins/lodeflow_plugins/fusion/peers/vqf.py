@@ -7,9 +7,12 @@ import numpy as np
 from pydantic import Field
 
 import lodeflow as lf
-from lodeflow_plugins.fusion.peers.common import RatedPeer, RateParams, needed, scalar_last
+from lodeflow_plugins.fusion.peers.common import RatedPeer, RateParams, missing, scalar_last
 
-vqf = needed("vqf")
+try:
+    import vqf
+except ImportError as error:
+    raise missing("vqf", error) from error
 
 
 class Vqf(RatedPeer):

@@ -1,5 +1,6 @@
 """The wrapped filters: the package's own numbers, our frames, and a clear word without it."""
 
+import sys
 from pathlib import Path
 
 import broad_figures
@@ -11,7 +12,6 @@ from lodeflow.graph import load_graph
 from lodeflow.registry import registry
 from lodeflow.supervisor.run import run
 from lodeflow.testing import run_node
-from lodeflow_plugins.fusion.peers.common import needed
 
 GRAPHS = Path(__file__).parents[4] / "graphs"
 RATE = 100.0
@@ -187,10 +187,12 @@ def test_vqf_on_broad(trial):
     np.testing.assert_allclose(found, PUBLISHED[trial], atol=0.0051)
 
 
-def test_without_the_package_it_is_told_what_to_do():
+def test_without_the_package_it_is_told_what_to_do(monkeypatch):
+    monkeypatch.setitem(sys.modules, "vqf", None)
+    monkeypatch.delitem(sys.modules, "lodeflow_plugins.fusion.peers.vqf", raising=False)
     with pytest.raises(lf.NodeError) as caught:
-        needed("no_such_filter.inner")
+        registry().load("vqf")
     assert str(caught.value) == (
-        "this plugin wraps the package no_such_filter, which cannot be imported (No module named "
-        "'no_such_filter'); install lodeflow with its extra: pip install 'lodeflow[peers]'"
+        "this plugin wraps the package vqf, which cannot be imported (import of vqf halted; None "
+        "in sys.modules); install lodeflow with its extra: pip install 'lodeflow[peers]'"
     )
