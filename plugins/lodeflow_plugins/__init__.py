@@ -7,11 +7,13 @@ import lodeflow as lf
 def lodeflow_nodes() -> dict[str, str]:
     """Plugin names and where their classes are; nothing is imported until a graph names one."""
     here = "lodeflow_plugins"
+    zero_velocity = f"{here}.pedestrian.zero_velocity.node"
     kalman = f"{here}.fusion.quaternion_kalman.node"
     return {
         "simulated_vehicle": f"{here}.sources.simulated_vehicle.node:SimulatedVehicle",
         "csv": f"{here}.sources.csv_file:CsvFile",
         "broad_trial": f"{here}.sources.broad:BroadTrial",
+        "foot_trial": f"{here}.sources.foot_trial:FootTrial",
         "recorded_sensors": "lodeflow.recording.source:RecordedSensors",
         "mag_calibrator": f"{here}.calibration.node:MagCalibrator",
         "accel_calibrator": f"{here}.calibration.node:AccelCalibrator",
@@ -21,6 +23,20 @@ def lodeflow_nodes() -> dict[str, str]:
         "quaternion_kalman": f"{kalman}:QuaternionKalman",
         "chu_fuser": f"{kalman}:ChuFuser",
         "heading_from_attitude": f"{here}.fusion.heading_from_attitude:HeadingFromAttitude",
+        "imu_decimator": f"{here}.pedestrian.decimation:ImuDecimator",
+        "to_geographic": f"{here}.pedestrian.geographic.node:ToGeographic",
+        "euler_to_geographic": f"{here}.pedestrian.geographic.node:EulerToGeographic",
+        "zero_velocity_steps": f"{zero_velocity}:ZeroVelocitySteps",
+        "raw_norm_steps": f"{zero_velocity}:RawNormSteps",
+        "shoe_steps": f"{zero_velocity}:ShoeSteps",
+        "ared_steps": f"{zero_velocity}:AredSteps",
+        "amvd_steps": f"{zero_velocity}:AmvdSteps",
+        "mag_steps": f"{zero_velocity}:MagSteps",
+        "gyro_norm_steps": f"{here}.pedestrian.peaks.node:GyroNormSteps",
+        "acceleration_peak_steps": f"{here}.pedestrian.peaks.node:AccelerationPeakSteps",
+        "autocorrelation_steps": f"{here}.pedestrian.rhythm.node:AutocorrelationSteps",
+        "swing_steps": f"{here}.pedestrian.swing.node:SwingSteps",
+        "step_score": f"{here}.scoring.step_score.node:ScoreSteps",
         "attitude_score": f"{here}.scoring.attitude_score.node:ScoreAttitude",
     }
 
@@ -28,4 +44,7 @@ def lodeflow_nodes() -> dict[str, str]:
 @lf.hookimpl
 def lodeflow_importers() -> dict[str, str]:
     """Formats of `lodeflow import`."""
-    return {"broad": "lodeflow_plugins.sources.broad:BroadTrial"}
+    return {
+        "broad": "lodeflow_plugins.sources.broad:BroadTrial",
+        "foot": "lodeflow_plugins.sources.foot_trial:FootTrial",
+    }

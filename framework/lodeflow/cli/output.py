@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 from typing import Any
 
 import click
@@ -12,7 +11,6 @@ from rich.console import Console
 from rich.table import Table
 
 from lodeflow.messages.message import Message
-from lodeflow.messages.units import Radian
 
 RESULT = Console(highlight=False, markup=False)
 STATUS = Console(stderr=True, highlight=False, markup=False)
@@ -34,11 +32,12 @@ def table(*columns: str) -> Table:
 
 
 def score_lines(name: str, score: Message) -> list[tuple[str, str]]:
-    """Return a score as (what, value) rows, angles in degrees."""
+    """Return a score as (what, value) rows, in the units that people read."""
     rows = []
     for field, value in zip(score.fields, score.values(), strict=True):
-        if field.unit is Radian:
-            text = f"{math.degrees(value):.3f}°"
+        if shown := field.unit.shown:
+            space = "" if shown == "°" else " "
+            text = f"{value / field.unit.factor(shown):.3f}{space}{shown}"
         elif field.integer:
             text = str(value)
         else:

@@ -1,0 +1,63 @@
+"""Smoothing by a symmetric window, sample by sample, with the delay of half the window."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+DECAYS = 5.0
+"""Time constants after which the kernel of a low-pass ends; 0.7 % of it are left there."""
+
+
+def low_pass(cutoff: float, rate: float) -> np.ndarray:
+    """Weights of a low-pass without phase, of odd length, their sum 1.
+
+    A Butterworth filter of second order, run forwards and backwards, has the gain
+    1 / (1 + (f / cutoff)^4); the kernel is its impulse response,
+    exp(-a |t|) (cos a t + sin a |t|) with a = sqrt(2) pi cutoff.
+
+    cutoff: frequency at which the gain is 1/2, Hz; rate: of the samples, Hz.
+    """
+    a = math.sqrt(2.0) * math.pi * cutoff
+    half = math.ceil(DECAYS / a * rate)
+    phase = a * np.abs(np.arange(-half, half + 1)) / rate
+    return _normal(np.exp(-phase) * (np.cos(phase) + np.sin(phase)))
+
+
+def hann(duration: float, rate: float) -> np.ndarray:
+    """Weights of a Hann window of a duration (s) at a rate (Hz), of odd length, their sum 1."""
+    half = max(0, round(0.5 * duration * rate))
+    return _normal(np.cos(0.5 * np.pi * np.arange(-half, half + 1) / (half + 1)) ** 2)
+
+
+def _normal(weights: np.ndarray) -> np.ndarray:
+    return weights / weights.sum()
+
+
+def new_state(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """State before the first sample: rings of values (n + 1,) and of stamps (n,)."""
+    return np.zeros(len(weights) + 1), np.zeros(len(weights), np.int64)
+
+
+@njit(cache=True)
+def push(
+    t: int, value: float, weights: np.ndarray, ring: np.ndarray, stamps: np.ndarray
+) -> tuple[float, int]:
+    """Take a sample; return the smooth value half a window ago, and the stamp that it belongs to.
+
+    Before the first sample everything was as it is there. weights: (n,), n odd; ring, stamps: of
+    `new_state()`, written. The sum is taken in one order, so blocks do not matter.
+    """
+    n = len(weights)
+    seen = int(ring[n])
+    if seen == 0:
+        ring[:n] = value
+        stamps[:] = t
+    slot = seen % n
+    ring[slot] = value
+    stamps[slot] = t
+    ring[n] = seen + 1
+    smooth = 0.0
+    for j in range(n):
+        smooth += weights[j] * ring[(slot + 1 + j) % n]
+    return smooth, stamps[(slot + 1 + n // 2) % n]
