@@ -36,6 +36,9 @@ def lodeflow_nodes() -> dict[str, str]:
         "acceleration_peak_steps": f"{here}.pedestrian.peaks.node:AccelerationPeakSteps",
         "autocorrelation_steps": f"{here}.pedestrian.rhythm.node:AutocorrelationSteps",
         "swing_steps": f"{here}.pedestrian.swing.node:SwingSteps",
+        "step_track": f"{here}.pedestrian.dead_reckoning.node:StepTrack",
+        "stance_track": f"{here}.pedestrian.dead_reckoning.node:StanceTrack",
+        "track_score": f"{here}.scoring.track_score.node:ScoreTrack",
         "step_score": f"{here}.scoring.step_score.node:ScoreSteps",
         "attitude_score": f"{here}.scoring.attitude_score.node:ScoreAttitude",
     }

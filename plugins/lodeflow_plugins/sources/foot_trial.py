@@ -31,7 +31,8 @@ class FootTrial(lf.Source):
     evenly; so t counts evenly, from the start of the run, at the mean rate of the file. A
     message of `truth` stands at each stance that ends a stride, and one with count 0 before the
     first; where only the number of strides is known, at the first and last sample. `position`
-    is in the axes of the optical system, with no height.
+    has no height; its two axes are a right-handed pair seen from above in either case of
+    `body_axes`, with a heading of their own.
     """
 
     rows: ClassVar[int] = 1000
@@ -43,7 +44,8 @@ class FootTrial(lf.Source):
         file: str
         """Path of the .npz file."""
         body_axes: Literal["flu", "frd"] = "frd"
-        """Axes of the file: x forward, y left, z up, or y right, z down (rest has z = -9.8)."""
+        """Axes of the file: x forward, y left, z up, or y right, z down (rest has z = -9.8). An
+        optical position beside the latter has its y axis turned as well."""
 
     def read(self, clock: lf.Clock) -> Iterator[Ports]:
         data = _load(self.params.file)
@@ -63,7 +65,7 @@ class FootTrial(lf.Source):
             yield Ports(
                 lf.Imu(t[part], rate[part], force[part]),
                 lf.StepTruth(t[stances[at]], counts[at]),
-                None if position is None else lf.PositionTruth(t[part], position[part]),
+                None if position is None else lf.PositionTruth(t[part], position[part] * sign),
             )
 
 

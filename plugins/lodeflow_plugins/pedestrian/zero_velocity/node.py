@@ -98,7 +98,7 @@ class RawNormSteps(RunCounter):
     class Params(RunParams):
         """The interval."""
 
-        t_max: Annotated[float, lf.MeterPerSecondSquared] = Field(1.5, gt=0)
+        t_max: Annotated[float, lf.MeterPerSecondSquared] = Field(0.4, gt=0)
         """Largest | |f| - gravity | of a still sample."""
         gravity: Annotated[float, lf.MeterPerSecondSquared] = Field(lf.STANDARD_GRAVITY, gt=0)
         """Specific force at rest."""
