@@ -51,7 +51,8 @@ class StanceTrack(lf.Node):
 
     In each stance the velocity is known to be zero, which bounds the drift to one swing. There
     is a position, east, north, up in m from the first stance, each time the foot leaves a
-    stance, and one for the stance in which the recording ends. Needs no step length, and does not mind in which direction the foot is set.
+    stance, and one for the stance in which the recording ends. Needs no step length, and does
+    not mind in which direction the foot is set.
 
     imu: of the foot. acceleration: the same sensor's, in the geographic frame (`to_geographic`).
 

@@ -7,7 +7,8 @@ last stance, and T the time since then, the displacement is P(T) - V(T) T / 2, s
 swing has to be kept.
 
 The stance is where the motion of `swing` is least between two swings, for runners too, whose
-foot does not come to rest there: what it still moves is an error of the track.
+foot does not come to rest there: what it still moves is an error of the track. Where it does
+come to rest, every sample of the rest is a stance, so standing for long costs nothing.
 """
 
 import math
@@ -42,6 +43,21 @@ def last_stance(state: np.ndarray) -> np.ndarray | None:
         return None
     velocity, way = state[BEST][:3], state[BEST][3:]
     return state[POSITION] + way - 0.5 * velocity * state[BEST_AGE]
+
+
+@njit(cache=True)
+def _set_down(state: np.ndarray) -> None:
+    """Let the candidate be the stance: go on to it, and start the integrals from there."""
+    now, best = state[NOW], state[BEST]
+    age = state[BEST_AGE]
+    since = state[AGE] - age
+    for i in range(3):
+        state[i] += best[3 + i] - 0.5 * best[i] * age
+        now[3 + i] -= best[3 + i] + best[i] * since  # the velocity there is zero
+        now[i] -= best[i]
+    best[:] = 0.0
+    state[AGE] = since
+    state[BEST_AGE] = 0.0
 
 
 @njit(cache=True)
@@ -99,18 +115,13 @@ def integrate(
                 state[LEAST] = smooth
                 state[BEST_AGE] = state[AGE]
                 best[:] = now
+                if motion == floor:  # at rest, so the foot stays where it is from here on
+                    _set_down(state)
             elif smooth > state[LEAST] * ratio:  # left
                 state[MOVING] = 1.0
                 state[HIGHEST] = smooth
-                age = state[BEST_AGE]
-                rest = state[AGE] - age
-                for i in range(3):
-                    state[i] += best[3 + i] - 0.5 * best[i] * age
-                    # The integrals start anew from the stance, where the velocity is zero.
-                    now[3 + i] -= best[3 + i] + best[i] * rest
-                    now[i] -= best[i]
-                    out[found, i] = state[i]
-                state[AGE] = rest
+                _set_down(state)
+                out[found] = state[POSITION]
                 row[found] = k
                 found += 1
     return found

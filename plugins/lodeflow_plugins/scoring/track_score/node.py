@@ -11,9 +11,9 @@ from lodeflow_plugins.scoring.track_score import alignment
 class ScoreTrack(lf.Node):
     """Distance of a track from the true one, in m and as a share of the way.
 
-    One message, at the end. Both are compared at the stamps of the track. They are put on each other at their start, and
-    the track is turned by the one angle that fits it best, because its heading has no north of
-    the truth's; nothing is scaled.
+    One message, at the end. Both are compared at the stamps of the track. They are put on each
+    other at their start, and the track is turned by the one angle that fits it best, because its
+    heading has no north of the truth's; nothing is scaled.
     """
 
     sync = lf.Exact()
