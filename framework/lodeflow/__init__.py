@@ -74,6 +74,7 @@ from lodeflow.messages.vocabulary import (
     Step,
     StepScore,
     StepTruth,
+    TiltErrorScore,
     TrackScore,
 )
 from lodeflow.node import Node, Source
@@ -148,6 +149,7 @@ __all__ = [
     "StepScore",
     "StepTruth",
     "Tesla",
+    "TiltErrorScore",
     "TrackScore",
     "UInt8",
     "UInt32",

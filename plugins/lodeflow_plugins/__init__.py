@@ -14,6 +14,8 @@ def lodeflow_nodes() -> dict[str, str]:
         "csv": f"{here}.sources.csv_file:CsvFile",
         "broad_trial": f"{here}.sources.broad:BroadTrial",
         "foot_trial": f"{here}.sources.foot_trial:FootTrial",
+        "airborne_line": f"{here}.sources.airborne_line:AirborneLine",
+        "simulated_platform": f"{here}.sources.simulated_platform:SimulatedPlatform",
         "recorded_sensors": "lodeflow.recording.source:RecordedSensors",
         "mag_calibrator": f"{here}.calibration.node:MagCalibrator",
         "accel_calibrator": f"{here}.calibration.node:AccelCalibrator",
@@ -40,6 +42,14 @@ def lodeflow_nodes() -> dict[str, str]:
         "stance_track": f"{here}.pedestrian.dead_reckoning.node:StanceTrack",
         "track_score": f"{here}.scoring.track_score.node:ScoreTrack",
         "step_score": f"{here}.scoring.step_score.node:ScoreSteps",
+        "eotvos": f"{here}.gravimetry.earth.node:Eotvos",
+        "horizontal_coriolis": f"{here}.gravimetry.earth.node:HorizontalCoriolis",
+        "disturbing_gravity": f"{here}.gravimetry.earth.node:DisturbingGravity",
+        "kinematic_acceleration": f"{here}.gravimetry.earth.node:KinematicAcceleration",
+        "tilt_correction": f"{here}.gravimetry.tilt.node:TiltCorrection",
+        "tilt_error_budget": f"{here}.gravimetry.tilt.node:TiltErrorBudget",
+        "gravity_low_pass": f"{here}.gravimetry.tilt.node:GravityLowPass",
+        "gravity_score": f"{here}.scoring.gravity_score.node:ScoreGravity",
         "attitude_score": f"{here}.scoring.attitude_score.node:ScoreAttitude",
     }
 
@@ -49,5 +59,6 @@ def lodeflow_importers() -> dict[str, str]:
     """Formats of `lodeflow import`."""
     return {
         "broad": "lodeflow_plugins.sources.broad:BroadTrial",
+        "airborne": "lodeflow_plugins.sources.airborne_line:AirborneLine",
         "foot": "lodeflow_plugins.sources.foot_trial:FootTrial",
     }

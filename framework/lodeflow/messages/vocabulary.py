@@ -233,3 +233,17 @@ class GravityScore(Score, ros="lodeflow_msgs/msg/GravityScore"):
     rms: Annotated[Scalar[Gravity], GAPS]
     maximum: Annotated[Scalar[Gravity], GAPS]
     samples: Int64
+
+
+class TiltErrorScore(Score, ros="lodeflow_msgs/msg/TiltErrorScore"):
+    """Errors of a tilt correction, by where they come from.
+
+    `observations` from those of force and acceleration, `gravity` from that of g, `total` from
+    both; `angle` is the error of each tilt angle, and `by_angle` what it does to the correction.
+    """
+
+    observations: Scalar[Gravity]
+    gravity: Scalar[Gravity]
+    total: Scalar[Gravity]
+    angle: Scalar[Radian]
+    by_angle: Scalar[Gravity]

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 import lodeflow as lf
-from lodeflow_plugins.pedestrian import smoothing
+from lodeflow_plugins.filtering import smoothing
 from lodeflow_plugins.pedestrian.counting import Counter, CounterParams
 from lodeflow_plugins.pedestrian.peaks import peaks
 

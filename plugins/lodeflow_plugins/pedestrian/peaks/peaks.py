@@ -8,7 +8,7 @@ well. A peak closer to the last one than the distance does not count.
 import numpy as np
 from numba import njit
 
-from lodeflow_plugins.pedestrian import smoothing
+from lodeflow_plugins.filtering import smoothing
 
 # The state of `count`, float64, beside that of the smoothing.
 STARTED = 0

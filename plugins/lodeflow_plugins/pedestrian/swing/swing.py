@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numba import njit
 
-from lodeflow_plugins.pedestrian import smoothing
+from lodeflow_plugins.filtering import smoothing
 
 # The state of `count`, float64: as in peaks; the stamps, int64: of the height of the swing and
 # of the sample at which the rise was certain.

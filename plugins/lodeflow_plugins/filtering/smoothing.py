@@ -61,3 +61,48 @@ def push(
     for j in range(n):
         smooth += weights[j] * ring[(slot + 1 + j) % n]
     return smooth, stamps[(slot + 1 + n // 2) % n]
+
+
+def new_columns(weights: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """State of `smooth`: rings of rows (n, C) and of stamps (n,), and how many rows came (1,)."""
+    n = len(weights)
+    return np.zeros((n, columns)), np.zeros(n, np.int64), np.zeros(1, np.int64)
+
+
+@njit(cache=True)
+def smooth(
+    t: np.ndarray,
+    values: np.ndarray,
+    weights: np.ndarray,
+    ring: np.ndarray,
+    stamps: np.ndarray,
+    seen: np.ndarray,
+    at: np.ndarray,
+    out: np.ndarray,
+) -> int:
+    """Smooth all columns by the same weights, where a whole window of rows is there.
+
+    t: int64 (N,), stamps in ns; values: (N, C); weights: (n,), n odd.
+    ring, stamps, seen: of `new_columns()`, written.
+    at: int64 (N,), out: (N, C), written: the stamps in the middle of the windows, and the smooth
+    values there. The rows of half a window at either end have none.
+
+    Returns the number of rows written.
+    """
+    n = len(weights)
+    found = 0
+    for k in range(len(t)):
+        slot = seen[0] % n
+        ring[slot] = values[k]
+        stamps[slot] = t[k]
+        seen[0] += 1
+        if seen[0] < n:
+            continue
+        for i in range(values.shape[1]):
+            total = 0.0
+            for j in range(n):
+                total += weights[j] * ring[(slot + 1 + j) % n, i]
+            out[found, i] = total
+        at[found] = stamps[(slot + 1 + n // 2) % n]
+        found += 1
+    return found
