@@ -43,7 +43,7 @@ def walk(strides, period, *, height=1.0, rest=0.6, stance=0.4):
     rate = np.zeros((n, 3))
     rate[:, 1] = height * 7.0 * np.sin(2 * np.pi * inside) * shape + 0.1 * still
     t = stamps(n)
-    force = acceleration + [0, 0, lf.STANDARD_GRAVITY]
+    force = acceleration + np.array([0, 0, lf.STANDARD_GRAVITY])
     return {"imu": lf.Imu(t, rate, force), "acceleration": lf.Acceleration(t, acceleration)}
 
 

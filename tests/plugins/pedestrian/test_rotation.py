@@ -39,7 +39,9 @@ def test_nose_up_and_right_side_down_are_positive():
     front, right = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
     assert (rotation.direction_cosines(0.0, 0.3, 0.0) @ front)[2] > 0  # the nose points up
     assert (rotation.direction_cosines(0.0, 0.0, 0.3) @ right)[2] < 0  # the right side, down
-    np.testing.assert_allclose(rotation.direction_cosines(np.pi / 2, 0, 0) @ front, right, atol=1e-15)
+    np.testing.assert_allclose(
+        rotation.direction_cosines(np.pi / 2, 0, 0) @ front, right, atol=1e-15
+    )
 
 
 @given(angle, st.floats(-1.5, 1.5), angle)

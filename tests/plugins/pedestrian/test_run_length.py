@@ -1,5 +1,7 @@
 """Runs of still samples."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,7 +32,7 @@ def by_definition(still, shortest, closes, settle):
     """Close the gaps, then look at whole runs: the first samples of those that count."""
     still = list(map(bool, still))
     at = [k for k, s in enumerate(still) if s]
-    for a, b in zip(at, at[1:], strict=False):
+    for a, b in itertools.pairwise(at):
         if 0 < b - a - 1 < closes:
             still[a:b] = [True] * (b - a)
     edges = np.flatnonzero(np.diff([0, *still, 0]))

@@ -28,7 +28,7 @@ def expected(kind, force, rate):
 )
 def test_statistic(kind):
     rng = np.random.default_rng(kind)
-    force = rng.standard_normal((40, 3)) + [0, 0, G]
+    force = rng.standard_normal((40, 3)) + np.array([0, 0, G])
     rate = rng.standard_normal((40, 3))
     out = np.empty(40)
     state = statistics.new_state(WINDOW)

@@ -74,9 +74,9 @@ def test_from_step_to_step():
     track = run_node(StepTrack, params, steps=steps, attitude=headings)["out"]
     expected = [[0.0, 1.5, 0.0], [1.5, 1.5, 0.0], [1.5, -1.5, 0.0]]
     np.testing.assert_allclose(track.position, expected, atol=1e-12)
-    turned = run_node(
-        StepTrack, {**params, "mounting": np.pi / 2}, steps=steps, attitude=headings
-    )["out"]
+    turned = run_node(StepTrack, {**params, "mounting": np.pi / 2}, steps=steps, attitude=headings)[
+        "out"
+    ]
     assert turned.position[0] == pytest.approx([1.5, 0.0, 0.0], abs=1e-12)
 
 
