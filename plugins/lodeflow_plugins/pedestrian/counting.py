@@ -41,15 +41,18 @@ class Counter(lf.Node):
         self.last = int(t[-1])
         self.samples += len(t)
 
-    def steps(self, t: np.ndarray, moment: np.ndarray, times: np.ndarray | None = None) -> lf.Step:
-        """Steps that were found at the stamps t (M,), each made at `moment` (M,).
+    def steps(
+        self, t: np.ndarray, moment: np.ndarray, times: np.ndarray | None = None
+    ) -> lf.Step | None:
+        """Steps that were found at the stamps t (M,), each made at `moment` (M,); None for none.
 
         times: (M,), how many steps each of them is; one if None.
         """
+        if not len(t):
+            return None
         times = np.ones(len(t), np.int64) if times is None else times
         counts = self.found + np.cumsum(times)
-        if len(counts):
-            self.found = int(counts[-1])
+        self.found = int(counts[-1])
         return lf.Step(t.copy(), counts * self.params.steps_per_stance, moment.copy())
 
     def finish(self) -> None:

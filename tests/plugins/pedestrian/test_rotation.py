@@ -1,7 +1,7 @@
 """From the body into the geographic frame."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lodeflow as lf
@@ -28,6 +28,7 @@ def test_the_matrix():
     np.testing.assert_allclose(found @ AT_REST, [0.0, 0.0, 9.8], atol=1e-7)
 
 
+@settings(deadline=None)  # the first example compiles
 @given(angle, st.floats(-1.5, 1.5), angle)
 def test_it_is_a_rotation(heading, pitch, roll):
     found = rotation.direction_cosines(heading, pitch, roll)
@@ -44,6 +45,7 @@ def test_nose_up_and_right_side_down_are_positive():
     )
 
 
+@settings(deadline=None)  # the first example compiles
 @given(angle, st.floats(-1.5, 1.5), angle)
 def test_angles_and_quaternion_say_the_same(heading, pitch, roll):
     force = np.array([[1.0, -2.0, 9.0]])

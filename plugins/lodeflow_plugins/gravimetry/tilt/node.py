@@ -39,8 +39,10 @@ class Filtered(lf.Node):
 
     @property
     def lookback(self) -> int:
-        """Half the window, and as much again for samples that come late."""
-        return lf.seconds(len(self.params.weights()) / self.params.sample_rate)
+        """The whole window: the half that it takes, and as much again for uneven stamps."""
+        p = self.params
+        window = 0.0 if p.period is None else 2.0 * smoothing.reach(1.0 / p.period)
+        return lf.seconds(window + 2.0 / p.sample_rate)
 
 
 class TiltCorrection(Filtered):

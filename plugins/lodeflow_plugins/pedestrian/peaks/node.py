@@ -21,7 +21,7 @@ class PeakCounter(Counter):
         self.states = (*smoothing.new_state(self.weights), *peaks.new_state())
         self.count(np.empty(0, np.int64), np.empty((0, 3)))  # compiles
 
-    def count(self, t: np.ndarray, vector: np.ndarray) -> lf.Step:
+    def count(self, t: np.ndarray, vector: np.ndarray) -> lf.Step | None:
         """Steps of a block."""
         self.seen(t)
         row, moment = np.empty(len(t), np.int64), np.empty(len(t), np.int64)
@@ -53,7 +53,7 @@ class GyroNormSteps(PeakCounter):
         distance: Annotated[float, lf.Second] = Field(0.4, ge=0)
         """Least time between two peaks."""
 
-    def step_block(self, imu: lf.Imu) -> lf.Step:
+    def step_block(self, imu: lf.Imu) -> lf.Step | None:
         return self.count(imu.t, imu.angular_velocity)
 
 
@@ -74,5 +74,5 @@ class AccelerationPeakSteps(PeakCounter):
         distance: Annotated[float, lf.Second] = Field(0.8, ge=0)
         """Least time between two peaks."""
 
-    def step_block(self, imu: lf.Imu) -> lf.Step:
+    def step_block(self, imu: lf.Imu) -> lf.Step | None:
         return self.count(imu.t, imu.linear_acceleration)

@@ -34,6 +34,7 @@ def count(
     distance: int,
     ring: np.ndarray,
     ring_stamps: np.ndarray,
+    seen: np.ndarray,
     state: np.ndarray,
     stamps: np.ndarray,
     row: np.ndarray,
@@ -43,7 +44,7 @@ def count(
 
     t: int64 (N,), stamps in ns; vector: (N, 3); weights: of `smoothing`; prominence: in the unit
     of the vector; distance: least time between two peaks, ns.
-    ring, ring_stamps, state, stamps: of `smoothing.new_state()` and `new_state()`, written.
+    ring, ring_stamps, seen, state, stamps: of `smoothing.new_state()` and `new_state()`, written.
     row, moment: int64 (N,), written: the row at which a peak was certain, and its own stamp.
 
     Returns the number of peaks found.
@@ -52,7 +53,7 @@ def count(
     for k in range(len(t)):
         x, y, z = vector[k, 0], vector[k, 1], vector[k, 2]
         norm = np.sqrt(x * x + y * y + z * z)
-        value, at = smoothing.push(t[k], norm, weights, ring, ring_stamps)
+        value, at = smoothing.push(t[k], norm, weights, ring, ring_stamps, seen)
         if state[STARTED] == 0.0:
             state[STARTED] = 1.0
             state[EXTREME] = value

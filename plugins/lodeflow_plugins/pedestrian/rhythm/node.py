@@ -52,7 +52,7 @@ class AutocorrelationSteps(Counter):
         self.state = rhythm.new_state(int(p.window * p.sample_rate))
         self.step_block(lf.Imu.empty())  # compiles
 
-    def step_block(self, imu: lf.Imu) -> lf.Step:
+    def step_block(self, imu: lf.Imu) -> lf.Step | None:
         t = imu.t
         self.seen(t)
         row, times = np.empty(len(t), np.int64), np.empty(len(t), np.int64)

@@ -49,7 +49,7 @@ class SwingSteps(Counter):
         self.states = (*smoothing.new_state(self.weights), *swing.new_state())
         self.step_block(lf.Imu.empty(), lf.Acceleration.empty())  # compiles
 
-    def step_block(self, imu: lf.Imu, acceleration: lf.Acceleration) -> lf.Step:
+    def step_block(self, imu: lf.Imu, acceleration: lf.Acceleration) -> lf.Step | None:
         t = imu.t
         self.seen(t)
         row, moment = np.empty(len(t), np.int64), np.empty(len(t), np.int64)

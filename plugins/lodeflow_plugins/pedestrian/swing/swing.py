@@ -42,6 +42,7 @@ def count(
     shortest: int,
     ring: np.ndarray,
     ring_stamps: np.ndarray,
+    seen: np.ndarray,
     state: np.ndarray,
     stamps: np.ndarray,
     row: np.ndarray,
@@ -53,7 +54,7 @@ def count(
     rad/s.
     constants: (3,): c (m/s^2 per rad/s), the m below which all is rest (m/s^2), log(ratio).
     weights: of `smoothing`; shortest: least time between rise and fall of a swing, ns.
-    ring, ring_stamps, state, stamps: of `smoothing.new_state()` and `new_state()`, written.
+    ring, ring_stamps, seen, state, stamps: of `smoothing.new_state()` and `new_state()`, written.
     row, moment: int64 (N,), written: the row at which a swing was over, and the stamp of its
     height.
 
@@ -66,7 +67,7 @@ def count(
         wx, wy, wz = rate[k, 0], rate[k, 1], rate[k, 2]
         square = ax * ax + ay * ay + az * az + c * c * (wx * wx + wy * wy + wz * wz)
         level = 0.5 * math.log(max(square, floor * floor))
-        value, at = smoothing.push(t[k], level, weights, ring, ring_stamps)
+        value, at = smoothing.push(t[k], level, weights, ring, ring_stamps, seen)
         if state[STARTED] == 0.0:
             state[STARTED] = 1.0
             state[EXTREME] = value

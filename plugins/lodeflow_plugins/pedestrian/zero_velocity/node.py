@@ -34,9 +34,10 @@ class RunCounter(Counter):
         self.runs = run_length.new_state()
         self.shortest = max(1, run_length.samples_of(p.min_run, p.sample_rate))
         self.closes = run_length.samples_of(p.close_gaps, p.sample_rate)
-        self.count(np.empty(0, np.int64), np.empty(0))  # compiles
+        statistics.norms(np.empty((0, 3)))  # compiles, as does
+        self.count(np.empty(0, np.int64), np.empty(0))
 
-    def count(self, t: np.ndarray, values: np.ndarray) -> lf.Step:
+    def count(self, t: np.ndarray, values: np.ndarray) -> lf.Step | None:
         """Steps of a block, from the values (N,) that are still between the two thresholds."""
         self.seen(t)
         row, moment = np.empty(len(t), np.int64), np.empty(len(t), np.int64)
@@ -80,10 +81,8 @@ class ZeroVelocitySteps(RunCounter):
         self.upper = self.params.t_max
         super().start()
 
-    def step_block(self, acceleration: lf.Acceleration) -> lf.Step:
-        a = acceleration.acceleration
-        norm = np.sqrt(a[:, 0] * a[:, 0] + a[:, 1] * a[:, 1] + a[:, 2] * a[:, 2])
-        return self.count(acceleration.t, norm)
+    def step_block(self, acceleration: lf.Acceleration) -> lf.Step | None:
+        return self.count(acceleration.t, statistics.norms(acceleration.acceleration))
 
 
 class RawNormSteps(RunCounter):
@@ -107,9 +106,8 @@ class RawNormSteps(RunCounter):
         self.upper = self.params.t_max
         super().start()
 
-    def step_block(self, imu: lf.Imu) -> lf.Step:
-        f = imu.linear_acceleration
-        norm = np.sqrt(f[:, 0] * f[:, 0] + f[:, 1] * f[:, 1] + f[:, 2] * f[:, 2])
+    def step_block(self, imu: lf.Imu) -> lf.Step | None:
+        norm = statistics.norms(imu.linear_acceleration)
         return self.count(imu.t, np.abs(norm - self.params.gravity))
 
 
@@ -143,7 +141,7 @@ class DetectorSteps(RunCounter):
         statistics.statistic(self.kind, force, rate, self.constants, self.window, out)
         return out
 
-    def step_block(self, imu: lf.Imu) -> lf.Step:
+    def step_block(self, imu: lf.Imu) -> lf.Step | None:
         return self.count(imu.t, self.values(imu.linear_acceleration, imu.angular_velocity))
 
 

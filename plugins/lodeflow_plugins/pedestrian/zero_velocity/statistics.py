@@ -25,6 +25,16 @@ def new_state(window: int) -> np.ndarray:
 
 
 @njit(cache=True)
+def norms(vectors: np.ndarray) -> np.ndarray:
+    """The norm of each row, (N,), of (N, 3)."""
+    out = np.empty(len(vectors))
+    for k in range(len(vectors)):
+        x, y, z = vectors[k, 0], vectors[k, 1], vectors[k, 2]
+        out[k] = math.sqrt(x * x + y * y + z * z)
+    return out
+
+
+@njit(cache=True)
 def statistic(
     kind: int,
     force: np.ndarray,
