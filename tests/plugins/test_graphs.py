@@ -166,9 +166,10 @@ def test_steps_and_tracks(tmp_path):
 
 def test_step_counters_see_the_same_in_blocks_and_in_samples(tmp_path):
     rng = np.random.default_rng(0)
-    phase = np.arange(2400) / 200 % 1.2
-    swing = np.where(phase > 0.5, np.sin(np.pi * (phase - 0.5) / 0.7), 0.0)
-    imu = swing[:, None] * [9.0, 2.0, 6.0, 1.0, 5.0, 0.5] + 0.02 * rng.standard_normal((2400, 6))
+    swing = np.clip((np.arange(2400) / 200 % 1.2 - 0.5) / 0.7, 0.0, 1.0)
+    odd, even = np.sin(2 * np.pi * swing), np.cos(2 * np.pi * swing) - np.cos(4 * np.pi * swing)
+    motion = [15 * odd, 3 * odd, 6 * even, 0.5 * odd, 4 * odd, 0.3 * even]  # there and back
+    imu = np.stack(motion, axis=1) + 0.02 * rng.standard_normal((2400, 6))
     imu[:, 2] -= 9.8
     file = tmp_path / "walk.npz"
     np.savez(file, t=np.arange(2400) / 200, imu=imu, stride_index=np.arange(20, 2400, 240))
