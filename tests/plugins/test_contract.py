@@ -11,15 +11,16 @@ from lodeflow.testing import check_node
 from lodeflow_plugins.sources import airborne_line
 
 BUNDLED = {
-    "accel_calibrator", "acceleration_peak_steps", "airborne_line", "amvd_steps", "ared_steps",
-    "attitude_score", "autocorrelation_steps", "broad_trial", "chu_fuser", "csv",
-    "disturbing_gravity", "eotvos", "euler_to_geographic", "foot_trial", "gravity_low_pass",
-    "gravity_score", "gyro_calibrator", "gyro_norm_steps", "heading_from_attitude",
-    "horizontal_coriolis", "imu_combiner", "imu_decimator", "kinematic_acceleration",
-    "mag_calibrator", "mag_steps", "quaternion_kalman", "raw_norm_steps", "recorded_sensors",
-    "shoe_steps", "simulated_platform", "simulated_vehicle", "stance_track", "step_score",
-    "step_track", "swing_steps", "tilt_compass", "tilt_correction", "tilt_error_budget",
-    "to_geographic", "track_score", "zero_velocity_steps",
+    "accel_calibrator", "attitude_score", "broad_trial", "chu_fuser", "csv", "gyro_calibrator",
+    "heading_from_attitude", "imu_combiner", "mag_calibrator", "quaternion_kalman",
+    "recorded_sensors", "simulated_vehicle", "tilt_compass",
+    "acceleration_peak_steps", "airborne_line", "amvd_steps", "ared_steps",
+    "autocorrelation_steps", "disturbing_gravity", "eotvos", "euler_to_geographic",
+    "foot_trial", "gravity_low_pass", "gravity_score", "gyro_norm_steps", "horizontal_coriolis",
+    "imu_decimator", "kinematic_acceleration", "mag_steps", "raw_norm_steps", "shoe_steps",
+    "simulated_platform", "stance_track", "step_score", "step_track", "swing_steps",
+    "tilt_correction", "tilt_error_budget", "to_geographic", "track_score",
+    "zero_velocity_steps",
 }  # fmt: skip
 
 CSV = """\
