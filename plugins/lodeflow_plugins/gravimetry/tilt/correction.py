@@ -59,6 +59,14 @@ def corrections(
     return out
 
 
+@njit(cache=True)
+def add_rows(vectors: np.ndarray, sums: np.ndarray) -> None:
+    """Add the first two components of each row (N, 3) to sums (2,), one row after the other."""
+    for k in range(len(vectors)):
+        sums[0] += vectors[k, 0]
+        sums[1] += vectors[k, 1]
+
+
 def by_observations(
     force: np.ndarray, acceleration: np.ndarray, error: float, gravity: float
 ) -> float:

@@ -159,21 +159,22 @@ class TiltErrorBudget(lf.Node):
         rounded to 0.01 arcsec. 0 for exact angles."""
 
     def start(self) -> None:
-        self.sums = np.zeros(4)
+        self.force, self.acceleration = np.zeros(2), np.zeros(2)
         self.samples = 0
         self.last: int | None = None
+        correction.add_rows(np.empty((0, 3)), self.force)  # compiles
 
-    def step(self, force: lf.SpecificForce, acceleration: lf.Acceleration) -> None:
-        self.sums[:2] += force.specific_force[:2]
-        self.sums[2:] += acceleration.acceleration[:2]
-        self.samples += 1
-        self.last = force.t
+    def step_block(self, force: lf.SpecificForce, acceleration: lf.Acceleration) -> None:
+        correction.add_rows(force.specific_force, self.force)
+        correction.add_rows(acceleration.acceleration, self.acceleration)
+        self.samples += len(force)
+        self.last = int(force.t[-1]) if len(force) else self.last
 
     def finish(self) -> lf.TiltErrorScore | None:
         if self.last is None:
             return None
         p = self.params
-        f, a = self.sums[:2] / self.samples, self.sums[2:] / self.samples
+        f, a = self.force / self.samples, self.acceleration / self.samples
         observations = correction.by_observations(f, a, p.error, p.gravity)
         size = float(f @ f - a @ a) / (2.0 * p.gravity)
         gravity = correction.by_gravity(size, p.error, p.gravity)

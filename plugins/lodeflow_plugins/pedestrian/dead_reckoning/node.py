@@ -31,19 +31,22 @@ class StepTrack(lf.Node):
         """Heading of the walk against that of the body's x axis, clockwise."""
 
     def start(self) -> None:
-        self.position = np.zeros(3)
+        self.position = 0j  # east, north
         self.count = 0
 
-    def step(self, steps: lf.Step, attitude: lf.Attitude) -> lf.Position:
-        x, y, z, w = attitude.quaternion.tolist()
-        forward = complex(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z))  # east, north
-        length = abs(forward)
-        if length > 0.0:  # the foot does not stand on its tip
-            turn = complex(np.cos(self.params.mounting), -np.sin(self.params.mounting))
-            way = forward / length * turn * self.params.step_length * (steps.count - self.count)
-            self.position = self.position + np.array([way.real, way.imag, 0.0])
-        self.count = steps.count
-        return lf.Position(steps.t, self.position)
+    def step_block(self, steps: lf.Step, attitude: lf.Attitude) -> lf.Position:
+        turn = complex(np.cos(self.params.mounting), -np.sin(self.params.mounting))
+        where = np.empty((len(steps), 3))
+        rows = zip(attitude.quaternion.tolist(), steps.count.tolist(), strict=True)
+        for k, ((x, y, z, w), count) in enumerate(rows):
+            forward = complex(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z))  # east, north
+            length = abs(forward)
+            if length > 0.0:  # the foot does not stand on its tip
+                way = self.params.step_length * (count - self.count)
+                self.position += forward / length * turn * way
+            self.count = count
+            where[k] = self.position.real, self.position.imag, 0.0
+        return lf.Position(steps.t, where)
 
 
 class StanceTrack(lf.Node):

@@ -1,8 +1,9 @@
 """The difference of two streams of corrections as a node."""
 
-import math
+import numpy as np
 
 import lodeflow as lf
+from lodeflow_plugins.scoring.gravity_score import difference
 
 
 class ScoreGravity(lf.Node):
@@ -14,31 +15,16 @@ class ScoreGravity(lf.Node):
     sync = lf.Exact()
 
     def start(self) -> None:
-        self.samples = 0
-        self.mean = 0.0
-        self.spread = 0.0
-        self.square = 0.0
-        self.maximum = 0.0
+        self.state = difference.new_state()
         self.last: int | None = None
+        difference.accumulate(np.empty(0), np.empty(0), self.state)  # compiles
 
-    def step(self, estimate: lf.GravityCorrection, reference: lf.GravityCorrection) -> None:
-        difference = estimate.correction - reference.correction
-        self.samples += 1
-        before = difference - self.mean  # Welford's update
-        self.mean += before / self.samples
-        self.spread += before * (difference - self.mean)
-        self.square += difference * difference
-        self.maximum = max(self.maximum, abs(difference))
-        self.last = estimate.t
+    def step_block(self, estimate: lf.GravityCorrection, reference: lf.GravityCorrection) -> None:
+        if len(estimate):
+            self.last = int(estimate.t[-1])
+        difference.accumulate(estimate.correction, reference.correction, self.state)
 
     def finish(self) -> lf.GravityScore | None:
         if self.last is None:
             return None
-        return lf.GravityScore(
-            self.last,
-            self.mean,
-            math.sqrt(self.spread / self.samples),
-            math.sqrt(self.square / self.samples),
-            self.maximum,
-            self.samples,
-        )
+        return lf.GravityScore(self.last, *difference.figures(self.state))
