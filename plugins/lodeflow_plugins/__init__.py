@@ -7,12 +7,16 @@ import lodeflow as lf
 def lodeflow_nodes() -> dict[str, str]:
     """Plugin names and where their classes are; nothing is imported until a graph names one."""
     here = "lodeflow_plugins"
+    zero_velocity = f"{here}.pedestrian.zero_velocity.node"
     kalman = f"{here}.fusion.quaternion_kalman.node"
     peers = f"{here}.fusion.peers"
     return {
         "simulated_vehicle": f"{here}.sources.simulated_vehicle.node:SimulatedVehicle",
         "csv": f"{here}.sources.csv_file:CsvFile",
         "broad_trial": f"{here}.sources.broad:BroadTrial",
+        "foot_trial": f"{here}.sources.foot_trial:FootTrial",
+        "airborne_line": f"{here}.sources.airborne_line:AirborneLine",
+        "simulated_platform": f"{here}.sources.simulated_platform:SimulatedPlatform",
         "recorded_sensors": "lodeflow.recording.source:RecordedSensors",
         "mag_calibrator": f"{here}.calibration.node:MagCalibrator",
         "accel_calibrator": f"{here}.calibration.node:AccelCalibrator",
@@ -26,6 +30,31 @@ def lodeflow_nodes() -> dict[str, str]:
         "ahrs_madgwick": f"{peers}.ahrs:AhrsMadgwick",
         "ahrs_mahony": f"{peers}.ahrs:AhrsMahony",
         "heading_from_attitude": f"{here}.fusion.heading_from_attitude:HeadingFromAttitude",
+        "imu_decimator": f"{here}.pedestrian.decimation:ImuDecimator",
+        "to_geographic": f"{here}.pedestrian.geographic.node:ToGeographic",
+        "euler_to_geographic": f"{here}.pedestrian.geographic.node:EulerToGeographic",
+        "zero_velocity_steps": f"{zero_velocity}:ZeroVelocitySteps",
+        "raw_norm_steps": f"{zero_velocity}:RawNormSteps",
+        "shoe_steps": f"{zero_velocity}:ShoeSteps",
+        "ared_steps": f"{zero_velocity}:AredSteps",
+        "amvd_steps": f"{zero_velocity}:AmvdSteps",
+        "mag_steps": f"{zero_velocity}:MagSteps",
+        "gyro_norm_steps": f"{here}.pedestrian.peaks.node:GyroNormSteps",
+        "acceleration_peak_steps": f"{here}.pedestrian.peaks.node:AccelerationPeakSteps",
+        "autocorrelation_steps": f"{here}.pedestrian.rhythm.node:AutocorrelationSteps",
+        "swing_steps": f"{here}.pedestrian.swing.node:SwingSteps",
+        "step_track": f"{here}.pedestrian.dead_reckoning.node:StepTrack",
+        "stance_track": f"{here}.pedestrian.dead_reckoning.node:StanceTrack",
+        "track_score": f"{here}.scoring.track_score.node:ScoreTrack",
+        "step_score": f"{here}.scoring.step_score.node:ScoreSteps",
+        "eotvos": f"{here}.gravimetry.earth.node:Eotvos",
+        "horizontal_coriolis": f"{here}.gravimetry.earth.node:HorizontalCoriolis",
+        "disturbing_gravity": f"{here}.gravimetry.earth.node:DisturbingGravity",
+        "kinematic_acceleration": f"{here}.gravimetry.earth.node:KinematicAcceleration",
+        "tilt_correction": f"{here}.gravimetry.tilt.node:TiltCorrection",
+        "tilt_error_budget": f"{here}.gravimetry.tilt.node:TiltErrorBudget",
+        "gravity_low_pass": f"{here}.gravimetry.tilt.node:GravityLowPass",
+        "gravity_score": f"{here}.scoring.gravity_score.node:ScoreGravity",
         "attitude_score": f"{here}.scoring.attitude_score.node:ScoreAttitude",
     }
 
@@ -33,4 +62,8 @@ def lodeflow_nodes() -> dict[str, str]:
 @lf.hookimpl
 def lodeflow_importers() -> dict[str, str]:
     """Formats of `lodeflow import`."""
-    return {"broad": "lodeflow_plugins.sources.broad:BroadTrial"}
+    return {
+        "broad": "lodeflow_plugins.sources.broad:BroadTrial",
+        "airborne": "lodeflow_plugins.sources.airborne_line:AirborneLine",
+        "foot": "lodeflow_plugins.sources.foot_trial:FootTrial",
+    }

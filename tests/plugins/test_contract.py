@@ -8,11 +8,19 @@ from lodeflow.graph import load_graph_text
 from lodeflow.registry import registry
 from lodeflow.supervisor.run import run
 from lodeflow.testing import check_node
+from lodeflow_plugins.sources import airborne_line
 
 BUNDLED = {
     "accel_calibrator", "attitude_score", "broad_trial", "chu_fuser", "csv", "gyro_calibrator",
     "heading_from_attitude", "imu_combiner", "mag_calibrator", "quaternion_kalman",
     "recorded_sensors", "simulated_vehicle", "tilt_compass",
+    "acceleration_peak_steps", "airborne_line", "amvd_steps", "ared_steps",
+    "autocorrelation_steps", "disturbing_gravity", "eotvos", "euler_to_geographic",
+    "foot_trial", "gravity_low_pass", "gravity_score", "gyro_norm_steps", "horizontal_coriolis",
+    "imu_decimator", "kinematic_acceleration", "mag_steps", "raw_norm_steps", "shoe_steps",
+    "simulated_platform", "stance_track", "step_score", "step_track", "swing_steps",
+    "tilt_correction", "tilt_error_budget", "to_geographic", "track_score",
+    "zero_velocity_steps",
 }  # fmt: skip
 PEERS = {
     "ahrs_madgwick": "ahrs", "ahrs_mahony": "ahrs", "imufusion": "imufusion", "vqf": "vqf",
@@ -25,6 +33,14 @@ t,gx,gy,gz,ax,ay,az,mx,my,mz
 10,1,2,3,0,0.1,1,,,
 20.5,4,5,6,0,0,0.9,21,1,-41
 """
+
+WALK = {
+    "t": np.arange(3000) / 200,
+    "imu": np.random.default_rng(1).standard_normal((3000, 6)),
+    "stride_index": np.array([10, 999, 1000, 2999]),
+    "vicon_xy": np.zeros((3000, 2)),
+}
+LINE = {name: np.linspace(1.0, 2.0, 1200) for name in airborne_line.COLUMNS}
 
 RECORDED = """\
 lodeflow: 1
@@ -51,11 +67,15 @@ def files(tmp_path_factory):
             "sampling_rate": 2000 / 7,
         },
     )
+    np.savez(folder / "walk.npz", **WALK)
+    np.savez(folder / "line.npz", **LINE)
     summary = run(load_graph_text(RECORDED), record=str(folder / "small.mcap"))
     assert summary.exit_code == 0
     topics = {name: f"/vehicle/{name}" for name in ("imu", "mag", "truth")}
     return {
         "csv": {**registry().load("csv").example, "file": str(folder / "sensors.csv")},
+        "foot_trial": {"file": str(folder / "walk.npz")},
+        "airborne_line": {"file": str(folder / "line.npz")},
         "broad_trial": {"file": str(folder / "trial.mat")},
         "recorded_sensors": {"file": str(folder / "small.mcap"), **topics},
     }

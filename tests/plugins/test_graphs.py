@@ -10,11 +10,20 @@ import numpy as np
 import pytest
 
 import lodeflow as lf
+from lodeflow.cli.output import score_lines
 from lodeflow.graph import load_graph
 from lodeflow.recording.reader import Recording
+from lodeflow.registry import registry
 from lodeflow.supervisor.run import run
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
+DATA = broad_figures.DATA
+needs_gravity, needs_steps = (
+    pytest.mark.skipif(DATA is None, reason=f"LODEFLOW_DATA does not name a folder with {name}/")
+    for name in ("gravity", "steps")
+)
+ATTITUDE = "inertial_attitude" in registry().nodes
+needs_attitude = pytest.mark.skipif(not ATTITUDE, reason="there is no inertial_attitude")
 HEADING, BROAD = GRAPHS / "heading.yaml", GRAPHS / "broad.yaml"
 
 
@@ -85,8 +94,10 @@ def test_heading_on_the_command_line(tmp_path):
     assert "score: heading max" in shown.stdout
 
 
-@pytest.mark.parametrize("graph", [HEADING, BROAD], ids=["heading", "broad"])
+@pytest.mark.parametrize("graph", sorted(GRAPHS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_graph_checks(tmp_path, graph):
+    if graph.stem in ("steps", "pedestrian") and not ATTITUDE:
+        pytest.skip("there is no inertial_attitude")
     done = lodeflow(tmp_path, "check", graph)
     assert done.returncode == 0, done.stderr
 
@@ -115,3 +126,61 @@ def test_broad(tmp_path, trial):
         score = json.loads(done.stdout)["scores"]["score"]
         figures = [score[f"{name}_rmse"] for name in ("total", "heading", "inclination")]
         np.testing.assert_allclose(np.degrees(figures), expected, atol=0.01)
+
+
+def test_noise_passes_into_the_tilt_correction_as_the_budget_says():
+    summary = run(load_graph(GRAPHS / "tilt_errors.yaml", args=["error=100 mGal"]), record="")
+    assert summary.exit_code == 0, summary.error
+    budget, spread = summary.scores["budget"], summary.scores["spread"]
+    assert budget.total * 1e5 == pytest.approx(2.72, abs=0.005)
+    assert spread.samples == 50_000
+    assert spread.std == pytest.approx(budget.total, rel=0.02)
+    (total,) = [text for what, text in score_lines("budget", budget) if what == "budget: total"]
+    assert total == "2.719 mGal"
+
+
+@needs_gravity
+@pytest.mark.parametrize(("line", "omission"), [("04", 0.112), ("05", 0.141)])
+def test_gravimetry(tmp_path, line, omission):
+    file = Path(DATA) / "gravity" / f"EastVicTest_8001.{line}.npz"
+    args = ["--arg", f"file={file}", "--json"]
+    done = lodeflow(tmp_path, "run", GRAPHS / "gravimetry.yaml", *args)
+    assert done.returncode == 0, done.stderr
+    scores = json.loads(done.stdout)["scores"]
+    assert scores["eotvos_score"]["maximum"] < 0.01e-5
+    assert scores["omission"]["mean"] == pytest.approx(omission * 1e-5, abs=0.002e-5)
+    assert scores["approximation"]["maximum"] < 0.003e-5
+
+
+@needs_attitude
+@needs_steps
+def test_steps_and_tracks(tmp_path):
+    file = Path(DATA) / "steps" / "2017-11-22-11-35-59.npz"
+    done = lodeflow(tmp_path, "import", "foot", file, "walk.mcap")
+    assert done.returncode == 0, done.stderr
+    args = ["--arg", f"file={file}", "--json"]
+    found = {}
+    for name in ("steps", "pedestrian"):
+        done = lodeflow(tmp_path, "run", GRAPHS / f"{name}.yaml", *args)
+        assert done.returncode == 0, done.stderr
+        found |= json.loads(done.stdout)["scores"]
+    counters = ("zero_velocity_score", "swing_score", "peer_score", "step_score")
+    assert [found[name]["counted"] for name in counters] == [29] * 4
+    assert found["stance_track_score"]["rms_share"] < 0.005
+    assert found["step_track_score"]["rms_share"] < 0.03
+
+
+@needs_attitude
+def test_step_counters_see_the_same_in_blocks_and_in_samples(tmp_path):
+    rng = np.random.default_rng(0)
+    swing = np.clip((np.arange(2400) / 200 % 1.2 - 0.5) / 0.7, 0.0, 1.0)
+    odd, even = np.sin(2 * np.pi * swing), np.cos(2 * np.pi * swing) - np.cos(4 * np.pi * swing)
+    motion = [15 * odd, 3 * odd, 6 * even, 0.5 * odd, 4 * odd, 0.3 * even]  # there and back
+    imu = np.stack(motion, axis=1) + 0.02 * rng.standard_normal((2400, 6))
+    imu[:, 2] -= 9.8
+    file = tmp_path / "walk.npz"
+    np.savez(file, t=np.arange(2400) / 200, imu=imu, stride_index=np.arange(20, 2400, 240))
+    graph = load_graph(GRAPHS / "steps.yaml", args=[f"file={file}"])
+    in_blocks, one_by_one = run(graph, record=""), run(graph, record="", speed=1e6)
+    assert in_blocks.scores["swing_score"].counted == 9
+    assert one_by_one.scores == in_blocks.scores

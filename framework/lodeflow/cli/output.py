@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -61,11 +60,12 @@ def show_again() -> Iterator[Callable[[RenderableType], None]]:
 
 
 def score_lines(name: str, score: Message) -> list[tuple[str, str]]:
-    """Return a score as (what, value) rows, angles in degrees."""
+    """Return a score as (what, value) rows, in the units that people read."""
     rows = []
     for field, value in zip(score.fields, score.values(), strict=True):
-        if field.unit is Radian:
-            text = f"{math.degrees(value):.3f}°"
+        if shown := field.unit.shown:
+            space = "" if shown == "°" else " "
+            text = f"{value / field.unit.factor(shown):.3f}{space}{shown}"
         elif field.integer:
             text = str(value)
         else:

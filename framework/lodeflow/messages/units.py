@@ -25,6 +25,8 @@ class Unit:
 
     symbol: ClassVar[str] = ""
     accepts: ClassVar[Mapping[str, float]] = {}
+    shown: ClassVar[str] = ""
+    """The spelling in which people read the quantity, where that is not the SI unit."""
 
     @classmethod
     def factor(cls, spelling: str) -> float:
@@ -94,11 +96,25 @@ class Dimensionless(Unit):
     symbol = ""
 
 
+class Ratio(Dimensionless):
+    """A share of something."""
+
+    accepts: ClassVar = {"%": 1e-2, "ppm": 1e-6}
+    shown = "%"
+
+
 class Radian(Unit):
     """Plane angle."""
 
     symbol = "rad"
-    accepts: ClassVar = {"deg": math.pi / 180, "°": math.pi / 180, "mrad": 1e-3}
+    accepts: ClassVar = {
+        "deg": math.pi / 180,
+        "°": math.pi / 180,
+        "mrad": 1e-3,
+        "arcmin": math.pi / 10_800,
+        "arcsec": math.pi / 648_000,
+    }
+    shown = "°"
 
 
 class RadPerSecond(Unit):
@@ -122,8 +138,22 @@ class MeterPerSecondSquared(Unit):
         "m/s2": 1.0,
         "g": STANDARD_GRAVITY,
         "mg": STANDARD_GRAVITY * 1e-3,
+        "Gal": 1e-2,
         "mGal": 1e-5,
     }
+
+
+class Gravity(MeterPerSecondSquared):
+    """Gravity and what corrects it: small accelerations, read in mGal."""
+
+    shown = "mGal"
+
+
+class MeterPerSecond(Unit):
+    """Velocity."""
+
+    symbol = "m/s"
+    accepts: ClassVar = {"km/h": 1 / 3.6, "kn": 1852 / 3600}
 
 
 class Tesla(Unit):

@@ -19,10 +19,14 @@ from lodeflow.messages.fields import (
 )
 from lodeflow.messages.message import Message
 from lodeflow.messages.units import (
+    Gravity,
     Lsb,
+    Meter,
+    MeterPerSecond,
     MeterPerSecondSquared,
     Radian,
     RadPerSecond,
+    Ratio,
     Tesla,
 )
 
@@ -85,6 +89,63 @@ class AngularRate(Message, ros="lodeflow_msgs/msg/AngularRate", frame="body"):
     angular_rate: Vector3[RadPerSecond]
 
 
+class Acceleration(Message, ros="lodeflow_msgs/msg/Acceleration", frame="earth"):
+    """Acceleration of the body against the earth, along the axes of the earth frame."""
+
+    acceleration: Vector3[MeterPerSecondSquared]
+
+
+class Position(Message, ros="lodeflow_msgs/msg/Position", frame="earth"):
+    """Position of the body in the earth frame, against a point of its own."""
+
+    position: Vector3[Meter]
+
+
+class PositionTruth(Message, ros="lodeflow_msgs/msg/PositionTruth", frame="earth"):
+    """Reference position; NaN where the reference lost it or does not measure a component."""
+
+    position: Annotated[Vector3[Meter], GAPS]
+
+
+class Step(Message, ros="lodeflow_msgs/msg/Step", frame="body"):
+    """A step was counted. The stamp says when this was known.
+
+    `count` is the number of steps so far, `moment` the event time in ns at which the step was
+    made: when the foot came to rest, or the height of its swing, as the counter says.
+    """
+
+    count: Int64
+    moment: Int64
+
+
+class StepTruth(Message, ros="lodeflow_msgs/msg/StepTruth", frame="body"):
+    """Reference: how many steps were made up to the stamp."""
+
+    count: Int64
+
+
+class GeodeticMotion(Message, ros="lodeflow_msgs/msg/GeodeticMotion", frame="earth"):
+    """Place on the WGS84 ellipsoid, and velocity east, north, up; north is true north."""
+
+    latitude: Scalar[Radian]
+    longitude: Scalar[Radian]
+    height: Scalar[Meter]
+    velocity: Vector3[MeterPerSecond]
+
+
+class GravityCorrection(Message, ros="lodeflow_msgs/msg/GravityCorrection"):
+    """A correction to be added to the reading of a gravimeter."""
+
+    correction: Scalar[Gravity]
+
+
+class Deflection(Message, ros="lodeflow_msgs/msg/Deflection", frame="earth"):
+    """Deflection of the vertical: its components xi to the north and eta to the east."""
+
+    north: Scalar[Radian]
+    east: Scalar[Radian]
+
+
 class RawField(Message, ros="lodeflow_msgs/msg/RawField", frame="magnetometer"):
     """Uncalibrated magnetometer output along its own axes."""
 
@@ -131,3 +192,58 @@ class AttitudeScore(Score, ros="lodeflow_msgs/msg/AttitudeScore"):
     inclination_max: Annotated[Scalar[Radian], GAPS]
     samples: Int64
     missing: Int64
+
+
+class StepScore(Score, ros="lodeflow_msgs/msg/StepScore"):
+    """Counted steps against the true ones.
+
+    `error` is the difference of the two counts, without sign. `missed` and `extra` look at each
+    true step by itself: steps without a counted one, and counted ones too many.
+    """
+
+    counted: Int64
+    true: Int64
+    error: Int64
+    missed: Int64
+    extra: Int64
+
+
+class TrackScore(Score, ros="lodeflow_msgs/msg/TrackScore"):
+    """Distance of a track from the true one, after the two were laid on each other.
+
+    `final`, `rms` and `maximum` are horizontal distances; the shares are of the way that was
+    covered, `distance`. `length` is the length of the track itself.
+    """
+
+    final: Annotated[Scalar[Meter], GAPS]
+    rms: Annotated[Scalar[Meter], GAPS]
+    maximum: Annotated[Scalar[Meter], GAPS]
+    distance: Annotated[Scalar[Meter], GAPS]
+    length: Annotated[Scalar[Meter], GAPS]
+    final_share: Annotated[Scalar[Ratio], GAPS]
+    rms_share: Annotated[Scalar[Ratio], GAPS]
+    samples: Int64
+
+
+class GravityScore(Score, ros="lodeflow_msgs/msg/GravityScore"):
+    """Difference of two streams of corrections over the samples that both have."""
+
+    mean: Annotated[Scalar[Gravity], GAPS]
+    std: Annotated[Scalar[Gravity], GAPS]
+    rms: Annotated[Scalar[Gravity], GAPS]
+    maximum: Annotated[Scalar[Gravity], GAPS]
+    samples: Int64
+
+
+class TiltErrorScore(Score, ros="lodeflow_msgs/msg/TiltErrorScore"):
+    """Errors of a tilt correction, by where they come from.
+
+    `observations` from those of force and acceleration, `gravity` from that of g, `total` from
+    both; `angle` is the error of each tilt angle, and `by_angle` what it does to the correction.
+    """
+
+    observations: Scalar[Gravity]
+    gravity: Scalar[Gravity]
+    total: Scalar[Gravity]
+    angle: Scalar[Radian]
+    by_angle: Scalar[Gravity]

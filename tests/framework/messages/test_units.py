@@ -67,13 +67,19 @@ def test_a_plain_number_is_in_the_si_unit(value: float) -> None:
 def test_the_text_of_each_mistake() -> None:
     with pytest.raises(MessageError) as found:
         lf.Radian.parse("3 degrees")
-    assert str(found.value) == "'degrees' is not a unit of rad | deg | ° | mrad"
+    assert str(found.value) == "'degrees' is not a unit of rad | deg | ° | mrad | arcmin | arcsec"
     with pytest.raises(MessageError) as found:
         lf.Radian.parse("3deg")
-    assert str(found.value) == "'3deg' is not a number with a unit (rad | deg | ° | mrad)"
+    assert (
+        str(found.value)
+        == "'3deg' is not a number with a unit (rad | deg | ° | mrad | arcmin | arcsec)"
+    )
     with pytest.raises(MessageError) as found:
         lf.Radian.parse("")
-    assert str(found.value) == "'' is not a number with a unit (rad | deg | ° | mrad)"
+    assert (
+        str(found.value)
+        == "'' is not a number with a unit (rad | deg | ° | mrad | arcmin | arcsec)"
+    )
     with pytest.raises(MessageError) as found:
         lf.Dimensionless.parse("3 T")
     assert str(found.value) == "'T' is not a unit of a plain number"

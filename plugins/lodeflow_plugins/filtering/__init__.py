@@ -1,0 +1,1 @@
+"""Filters of signals that several families use."""

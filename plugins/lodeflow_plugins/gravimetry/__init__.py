@@ -1,0 +1,1 @@
+"""Corrections of gravity that is measured on a ship or an aircraft."""

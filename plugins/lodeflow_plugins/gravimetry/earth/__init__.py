@@ -1,0 +1,1 @@
+"""What moving over a turning ellipsoid adds to the specific force."""

@@ -1,0 +1,1 @@
+"""What the tilt of a platform takes from the vertical specific force."""

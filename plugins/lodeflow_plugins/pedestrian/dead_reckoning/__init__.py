@@ -1,0 +1,1 @@
+"""A track from steps and attitude."""

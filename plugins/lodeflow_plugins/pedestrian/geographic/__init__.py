@@ -1,0 +1,1 @@
+"""From the body frame into the geographic frame."""

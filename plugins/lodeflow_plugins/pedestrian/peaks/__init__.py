@@ -1,0 +1,1 @@
+"""Steps from the peaks of a signal."""

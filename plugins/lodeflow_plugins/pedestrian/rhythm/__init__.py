@@ -1,0 +1,1 @@
+"""Steps from the rhythm of a signal."""

@@ -1,0 +1,1 @@
+"""Steps from the swings of the foot between two stances."""

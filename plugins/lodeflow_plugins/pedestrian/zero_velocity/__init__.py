@@ -1,0 +1,1 @@
+"""Steps from the time in which the foot does not move."""

@@ -1,0 +1,1 @@
+"""Counted steps against the true ones."""

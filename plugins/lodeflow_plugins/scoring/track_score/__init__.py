@@ -1,0 +1,1 @@
+"""Distance of a track from the true one."""
