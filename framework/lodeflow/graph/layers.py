@@ -60,7 +60,7 @@ def override(
     merged = base
     for overlay in overlays:
         layers.append(Layer(overlay, removes=True))
-        merged = _merge(merged, overlay, "", problems, removes=True)
+        merged = merge(merged, overlay, "", problems, removes=True)
     rank = FIRST_OPTION
     for option in swaps:
         rank += 1
@@ -73,7 +73,7 @@ def override(
             rank += 1
             if tree := read(merged, option, _origin(kind, option, rank), problems):
                 layers.append(Layer(tree))
-                merged = _merge(merged, tree, "", problems, removes=False)
+                merged = merge(merged, tree, "", problems, removes=False)
     return Layers(tuple(layers), merged, tuple(notes))
 
 
@@ -82,7 +82,8 @@ def _origin(kind: str, option: str, rank: int) -> Origin:
     return Origin(f"{kind} {' '.join(shown.split())}", rank)
 
 
-def _merge(base: Tree, over: Tree, path: str, problems: Problems, *, removes: bool) -> Tree:
+def merge(base: Tree, over: Tree, path: str, problems: Problems, *, removes: bool = False) -> Tree:
+    """Return one tree laid over another; `removes` tells whether null removes what it is over."""
     if not isinstance(base.value, dict) or not isinstance(over.value, dict):
         return over
     merged = dict(base.value)
@@ -93,7 +94,7 @@ def _merge(base: Tree, over: Tree, path: str, problems: Problems, *, removes: bo
                 near = did_you_mean(name, base.value)
                 problems.add(value.name_place, here, f"null removes, but nothing is here{near}")
         elif name in merged:
-            merged[name] = _merge(merged[name], value, here, problems, removes=removes)
+            merged[name] = merge(merged[name], value, here, problems, removes=removes)
         else:
             merged[name] = value
     return replace(base, value=merged)
@@ -145,6 +146,18 @@ def _set(merged: Tree, option: str, origin: Origin, problems: Problems) -> Tree 
     return _nested(origin, ["nodes", node, *names], pair[1])
 
 
+def read_setting(option: str, rank: int, problems: Problems) -> Tree | None:
+    """Return the tree of an option "name=value" or "group.name=value" for parameters alone."""
+    origin = _origin("--set", option, rank)
+    if (pair := _read(option, origin, "--set name=value", problems)) is None:
+        return None
+    names = pair[0].split(".")
+    if not all(names):
+        problems.add(Place(origin), "", "names no parameter; write --set name=value")
+        return None
+    return _nested(origin, names, pair[1])
+
+
 def _arg(merged: Tree, option: str, origin: Origin, problems: Problems) -> Tree | None:
     if (pair := _read(option, origin, "--arg name=value", problems)) is None:
         return None
@@ -175,7 +188,7 @@ def _swap(
         problems.add(Place(origin), join("nodes", node, "use"), str(error))
         return None
     named = Tree(use, Place(origin), Place(origin))
-    merged = _put(merged, ("nodes", node, "use"), named)
+    merged = put(merged, ("nodes", node, "use"), named)
     dropped = []
     params = merged.find("nodes", node, "params")
     if params is not None and isinstance(params.value, dict):
@@ -186,14 +199,14 @@ def _swap(
             else:
                 has = f"'{use}' has no parameter '{name}'"
                 dropped.append(f"{origin.label}: {has}, dropped ({value.place})")
-        merged = _put(merged, ("nodes", node, "params"), replace(params, value=kept))
+        merged = put(merged, ("nodes", node, "params"), replace(params, value=kept))
     return merged, Layer(_nested(origin, ["nodes", node, "use"], named)), dropped
 
 
-def _put(tree: Tree, names: Sequence[str], value: Tree) -> Tree:
+def put(tree: Tree, names: Sequence[str], value: Tree) -> Tree:
     """Return the tree with another value under a chain of keys."""
     if not names:
         return value
     name, *rest = names
     below = tree.entries.get(name, value)
-    return replace(tree, value={**tree.entries, name: _put(below, rest, value)})
+    return replace(tree, value={**tree.entries, name: put(below, rest, value)})

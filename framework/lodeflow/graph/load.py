@@ -8,11 +8,12 @@ from typing import Any
 
 from lodeflow.errors import did_you_mean
 from lodeflow.graph.arguments import NAME, declared, fill, used
+from lodeflow.graph.calibration_file import expand
 from lodeflow.graph.check import check
 from lodeflow.graph.layers import Layers, override
 from lodeflow.graph.model import Graph
 from lodeflow.graph.problems import Origin, Place, Problems, join
-from lodeflow.graph.tree import Tree, parse, to_yaml
+from lodeflow.graph.tree import Tree, parse, read_text, to_yaml
 
 
 def load_graph(
@@ -114,10 +115,10 @@ def _resolve(
             what = f"never used; write ${{{name}}} where it should go, or remove it"
             problems.add(values[name].name_place, join("args", name), what)
     filled = fill(layers.merged, values, problems)
+    layers, filled, files = expand(layers, filled, problems)
     in_force = {name: values[name].plain() for name in values if name in used([layers.merged])}
-    graph = check(
-        filled, in_force, problems, document=_document(layers.merged, in_force), notes=layers.notes
-    )
+    document = _document(layers.merged, in_force)
+    graph = check(filled, in_force, problems, document=document, notes=layers.notes, files=files)
     if graph is None or len(problems):
         raise problems.error()
     return graph, layers
@@ -125,14 +126,10 @@ def _resolve(
 
 def _read(path: str | Path, origin: Origin, problems: Problems) -> str | None:
     try:
-        return Path(path).read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = error.object[: error.start].count(b"\n") + 1
-        problems.add(Place(origin), "", f"line {line} is not UTF-8; save the file as UTF-8")
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        problems.add(Place(origin), "", f"cannot be read: {why}")
-    return None
+        return read_text(path)
+    except ValueError as error:
+        problems.add(Place(origin), "", str(error))
+        return None
 
 
 def _parse(text: str | None, origin: Origin, problems: Problems) -> Tree | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -25,7 +25,7 @@ def provenance(graph: Graph, *, command: Sequence[str], started: str) -> dict[st
         command: arguments of the command line.
         started: wall time of the start, ISO 8601.
     """
-    return {
+    found = {
         "graph": graph.name,
         "args": json.dumps(dict(graph.args), default=str),
         "command": json.dumps(list(command)),
@@ -33,13 +33,16 @@ def provenance(graph: Graph, *, command: Sequence[str], started: str) -> dict[st
         "python": sys.version.split()[0],
         "platform": platform.platform(),
         "cpu_features": " ".join(_cpu_features()),
-        "versions": json.dumps(_versions(graph)),
+        "versions": json.dumps(versions(node.plugin.__module__ for node in graph.nodes.values())),
     }
+    if graph.files:
+        found["calibration_files"] = json.dumps(dict(graph.files))
+    return found
 
 
-def _versions(graph: Graph) -> dict[str, str]:
-    """Return the versions of the libraries, and of the packages that brought the plugins."""
-    tops = {node.plugin.__module__.partition(".")[0] for node in graph.nodes.values()}
+def versions(modules: Iterable[str]) -> dict[str, str]:
+    """Return the versions of the libraries, and of the packages that brought some modules."""
+    tops = {module.partition(".")[0] for module in modules}
     by_module = _distributions()
     names = {*LIBRARIES, *(name for top in tops for name in by_module.get(top, ()))}
     found = {}

@@ -32,6 +32,8 @@ class MagCalibrator(lf.Node):
     class Params(lf.Params):
         """K, M and b of Eq. 6."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate mag` wrote; gives all that is needed here."""
         unit: Annotated[float, lf.Tesla] = Field(gt=0)
         """Flux density that `sensitivity` counts per: "50 uT" for an earth field; 1 for LSB/T."""
         sensitivity: lf.Vec3
@@ -89,6 +91,8 @@ class AccelCalibrator(lf.Node):
     class Params(lf.Params):
         """A and A0 of Eq. 8."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate accel` wrote; gives all that is needed here."""
         unit: Annotated[float, lf.MeterPerSecondSquared] = Field(gt=0)
         """Specific force that `gain` and `offset` count in: "1 g", or 1 for m/s^2."""
         gain: lf.Mat3
@@ -128,6 +132,8 @@ class GyroCalibrator(lf.Node):
     class Params(lf.Params):
         """K of Eq. 14."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate gyro` wrote; gives all that is needed here."""
         unit: Annotated[float, lf.RadPerSecond] = Field(gt=0)
         """Angular rate that `k` counts in: "1 deg/s", or 1 for rad/s."""
         k: tuple[lf.Vec3, lf.Vec3, lf.Vec3, lf.Vec3]
