@@ -32,12 +32,14 @@ class Calibration:
     """What a calibration tool found.
 
     Attributes:
-        params: parameters of the tool's `plugin`, as plain numbers, lists and texts.
+        plugin: name of the plugin that the parameters are for; "" where nothing reads them.
+        params: its parameters, as numbers, arrays, lists and texts.
         quantities: what to print: results with standard errors, residuals, condition number.
         notes: what a user should know: what was not observable, what looks odd.
         draw: draws the figure, given an empty matplotlib Figure; None for no figure.
     """
 
+    plugin: str
     params: Mapping[str, Any]
     quantities: Sequence[Quantity]
     notes: Sequence[str] = field(default=())
@@ -58,11 +60,9 @@ class CalibrationTool(Configured):
     framework finds the streams, writes the calibration file, and saves the figure.
 
     Attributes:
-        plugin: name of the plugin whose parameters the tool finds; "" where there is none.
         streams: what `calibrate` reads.
     """
 
-    plugin: ClassVar[str] = ""
     streams: ClassVar[tuple[InputPort, ...]] = ()
     calibrate: Callable[..., Calibration]
 

@@ -10,12 +10,14 @@ def lodeflow_nodes() -> dict[str, str]:
     kalman = f"{here}.fusion.quaternion_kalman.node"
     return {
         "simulated_vehicle": f"{here}.sources.simulated_vehicle.node:SimulatedVehicle",
+        "simulated_platform": f"{here}.sources.simulated_platform.node:SimulatedPlatform",
         "csv": f"{here}.sources.csv_file:CsvFile",
         "broad_trial": f"{here}.sources.broad:BroadTrial",
         "recorded_sensors": "lodeflow.recording.source:RecordedSensors",
         "mag_calibrator": f"{here}.calibration.node:MagCalibrator",
         "accel_calibrator": f"{here}.calibration.node:AccelCalibrator",
         "gyro_calibrator": f"{here}.calibration.node:GyroCalibrator",
+        "iron_calibrator": f"{here}.calibration.node:IronCalibrator",
         "imu_combiner": f"{here}.calibration.node:ImuCombiner",
         "tilt_compass": f"{here}.fusion.tilt_compass.node:TiltCompass",
         "quaternion_kalman": f"{kalman}:QuaternionKalman",
@@ -29,3 +31,17 @@ def lodeflow_nodes() -> dict[str, str]:
 def lodeflow_importers() -> dict[str, str]:
     """Formats of `lodeflow import`."""
     return {"broad": "lodeflow_plugins.sources.broad:BroadTrial"}
+
+
+@lf.hookimpl
+def lodeflow_calibrations() -> dict[str, str]:
+    """Kinds of `lodeflow calibrate`."""
+    tools = "lodeflow_plugins.calibration.tools"
+    return {
+        "mag": f"{tools}.mag:Mag",
+        "iron": f"{tools}.iron:Iron",
+        "accel": f"{tools}.accel:Accel",
+        "gyro": f"{tools}.gyro:Gyro",
+        "gyro-bias": f"{tools}.gyro:GyroBias",
+        "allan": f"{tools}.allan:Allan",
+    }

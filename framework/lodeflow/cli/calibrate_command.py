@@ -15,7 +15,7 @@ from lodeflow.calibration import Calibration, CalibrationTool, Quantity
 from lodeflow.cli.message_types import declare_installed
 from lodeflow.cli.nodes_command import param_lines, params_of
 from lodeflow.cli.options import JSON
-from lodeflow.cli.output import RESULT, STATUS, print_json, table
+from lodeflow.cli.output import RESULT, STATUS, print_json
 from lodeflow.errors import CalibrationError, NodeError
 from lodeflow.registry import registry
 from lodeflow.supervisor.calibrate import calibrate, load_tool
@@ -100,7 +100,7 @@ def _command(kind: str, tool: type[CalibrationTool]) -> click.Command:
             where = {"file": str(to), "figure": drawn and str(drawn)}
             print_json({**where, "results": done.results, "notes": list(done.found.notes)})
         else:
-            _show(tool, done.found, to, drawn)
+            _show(done.found, to, drawn)
 
     return run
 
@@ -114,8 +114,6 @@ def _epilog(tool: type[CalibrationTool]) -> str:
     lines = ["\b", "Streams:", *streams]  # a line of \b keeps those after it as they are
     if params := params_of(tool.Params):
         lines += ["", "\b", "Parameters:", *param_lines(params, "  ")]
-    if tool.plugin:
-        lines += ["", f"The file is for {tool.plugin}: --set NODE.file=FILE."]
     return "\n".join(lines)
 
 
@@ -145,18 +143,19 @@ def _draw(found: Calibration, path: Path) -> Path | None:
     return path
 
 
-def _show(tool: type[CalibrationTool], found: Calibration, to: Path, drawn: Path | None) -> None:
-    results = table("result", ">value", ">standard error", "")
-    for quantity in found.quantities:
-        for row in _rows(quantity):
-            results.add_row(*row)
-    RESULT.print(results)
+def _show(found: Calibration, to: Path, drawn: Path | None) -> None:
+    rows = [row for quantity in found.quantities for row in _rows(quantity)]
+    widths = [max((len(row[at]) for row in rows), default=0) for at in range(3)]
+    for name, value, error, unit in rows:
+        line = f"{name:{widths[0]}}  {value:{widths[1]}}  {error:{widths[2]}}  {unit}"
+        RESULT.print(line.rstrip(), soft_wrap=True)
     RESULT.print()
     for note in found.notes:
         RESULT.print(f"note: {note}", soft_wrap=True)
     RESULT.print(f"wrote {to}" + (f", {drawn}" if drawn else ""), soft_wrap=True)
-    if tool.plugin:
-        RESULT.print(f"use it: --set NODE.file={to}, NODE a {tool.plugin}", soft_wrap=True)
+    if found.plugin:
+        use = f"use it for a node of {found.plugin}: --set NODE.file={to}"
+        RESULT.print(use, soft_wrap=True)
 
 
 def _rows(quantity: Quantity) -> list[tuple[str, str, str, str]]:
@@ -169,15 +168,14 @@ def _rows(quantity: Quantity) -> list[tuple[str, str, str, str]]:
     return [
         (
             quantity.name if at == 0 else "",
-            _figures(row),
-            "" if errors[at] is None else _figures(errors[at], 2),
+            _figures(row, 6, 11),
+            "" if errors[at] is None else "± " + _figures(errors[at], 2, 7),
             quantity.unit,
         )
         for at, row in enumerate(rows)
     ]
 
 
-def _figures(row: Any, digits: int = 6) -> str:
-    return "  ".join(
-        "unknown" if isinstance(x, float) and x != x else f"{x:.{digits}g}" for x in row.tolist()
-    )
+def _figures(row: Any, digits: int, width: int) -> str:
+    texts = ["unknown" if value != value else f"{value:.{digits}g}" for value in row.tolist()]
+    return " ".join(f"{text:>{width}}" for text in texts)

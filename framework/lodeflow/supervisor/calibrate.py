@@ -91,7 +91,7 @@ def calibrate(
         raise CalibrationError(f"calibrate {kind}: {error}") from error
     results = {quantity.name: _result(quantity) for quantity in found.quantities}
     text = dump_calibration(
-        plugin.plugin,
+        found.plugin,
         _plain(found.params),
         results,
         list(found.notes),
