@@ -17,6 +17,7 @@ def lodeflow_nodes() -> dict[str, str]:
         "mag_calibrator": f"{here}.calibration.node:MagCalibrator",
         "accel_calibrator": f"{here}.calibration.node:AccelCalibrator",
         "gyro_calibrator": f"{here}.calibration.node:GyroCalibrator",
+        "online_mag_calibrator": f"{here}.calibration.online.node:OnlineMagCalibrator",
         "iron_calibrator": f"{here}.calibration.node:IronCalibrator",
         "imu_combiner": f"{here}.calibration.node:ImuCombiner",
         "tilt_compass": f"{here}.fusion.tilt_compass.node:TiltCompass",
@@ -25,6 +26,12 @@ def lodeflow_nodes() -> dict[str, str]:
         "heading_from_attitude": f"{here}.fusion.heading_from_attitude:HeadingFromAttitude",
         "attitude_score": f"{here}.scoring.attitude_score.node:ScoreAttitude",
     }
+
+
+@lf.hookimpl
+def lodeflow_messages() -> list[str]:
+    """Modules that declare message types."""
+    return ["lodeflow_plugins.calibration.messages"]
 
 
 @lf.hookimpl

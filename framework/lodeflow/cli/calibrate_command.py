@@ -168,7 +168,7 @@ def _rows(quantity: Quantity) -> list[tuple[str, str, str, str]]:
     return [
         (
             quantity.name if at == 0 else "",
-            _figures(row, 6, 11),
+            _figures(row, 6, 12),
             "" if errors[at] is None else "± " + _figures(errors[at], 2, 7),
             quantity.unit,
         )
