@@ -3,8 +3,9 @@
     LODEFLOW_DATA=FOLDER python benchmarks/online_mag.py [--iron X Y Z] [--set mag_cal.P=V] [--json]
 
 Each trial in FOLDER/broad is run through graphs/broad.yaml, as it is and with the overlay
-graphs/overlays/online_mag.yaml, behind the Chu filter and behind VQF. --iron adds a hard iron, in
-microtesla. Figures are total RMSE in degrees over the samples in motion (Laidig et al. 2021).
+graphs/overlays/broad_online_mag.yaml, behind the Chu filter and behind VQF. --iron adds a hard
+iron, in microtesla. Figures are total RMSE in degrees over the samples in motion (Laidig et al.
+2021).
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 import vqf
+from broad_table import GRAPH, imported
 
 import lodeflow as lf
-from broad_table import GRAPH, imported
 from lodeflow.graph import load_graph
 from lodeflow.supervisor.run import run
 
-OVERLAY = GRAPH.parent / "overlays" / "online_mag.yaml"
+OVERLAY = GRAPH.parent / "overlays" / "broad_online_mag.yaml"
 IRON = """\
 nodes:
   iron: {{use: iron_calibrator, inputs: {{mag: sensors.mag}}, params: {{hard_iron: {iron}}}}}

@@ -15,17 +15,18 @@ I - S^T S is what the segment tells: nothing without rotation, nothing about the
 rotation, up to one across it. No strength or dip of the field is assumed, and no level.
 
 The error of a segment is not the sensor's noise, which averages out, but the field itself, which
-is nowhere the same indoors: `sigma` for a segment as a whole, however many samples it has. So
-segments add up as information
+is nowhere the same indoors. Its variance s^2 is that of a component of what segments have against
+the estimate before them, or `sigma` squared if that is more, and counts for a segment as a whole,
+however many samples it has. So segments add up as information
 
-    L = sum (I - S^T S) / sigma^2,     P = (L + I / prior^2)^-1,     b = P sum (m - S^T g) / sigma^2
+    L = sum (I - S^T S) / s^2,      P = (L + I / prior^2)^-1,      b = P sum (m - S^T g) / s^2
 
 with an exponential memory. Two gates keep b from doing harm:
 
 - observability: only the part of b along the axes of P whose standard deviation is below `trusted`
   is a candidate;
 - evidence: before a segment is added, the candidate found without it is judged by how much nearer
-  to the segment it comes than no correction does; the sum of that, per sigma^2 and with the same
+  to the segment it comes than no correction does; the sum of that, per s^2 and with the same
   memory, has to exceed `evidence`.
 """
 
@@ -43,8 +44,8 @@ GAP = 200_000_000
 class Settings(NamedTuple):
     """What the kernel takes: ns, fraction, tesla, and without unit.
 
-    segment: length, ns; fading: what is left of the past after a segment; sigma: standard error of
-    a segment, T; prior: of b before any, T; trusted: largest standard deviation of what is
+    segment: length, ns; fading: what is left of the past after a segment; sigma: least standard
+    error of a segment, T; prior: of b before any, T; trusted: largest standard deviation of what is
     applied, T; evidence: least gain of what is applied.
     """
 
@@ -90,7 +91,10 @@ class Estimator:
         """Over the segment: of R (9), m (3), R m (3) and |m|^2 (1)."""
         self.information = np.zeros((3, 3))
         self.vector = np.zeros(3)
+        self.misfits, self.weight = 0.0, 0.0
+        """Mean squares of what segments had against the estimate before them, and their number."""
         self.gain = 0.0
+        self.estimate = np.zeros(3)
         self.candidate = np.zeros(3)
         self.applied = np.zeros(3)
 
@@ -121,7 +125,6 @@ class Estimator:
     def _fold(self, row: int) -> Segment:
         """Judge the candidate by a segment, then add the segment, and find the next candidate."""
         settings = self.settings
-        variance = settings.sigma**2
         means = self.sums / self.times[2]
         turn, field, turned, square = means[:9].reshape(3, 3), means[9:12], means[12:15], means[15]
 
@@ -129,18 +132,22 @@ class Estimator:
             earth = turned - turn @ b
             return float(square - 2.0 * (b @ field) + b @ b - earth @ earth)
 
-        gained = (misfit(np.zeros(3)) - misfit(self.candidate)) / variance
-        self.gain = settings.fading * self.gain + gained
+        without = misfit(np.zeros(3))
+        self.gain = settings.fading * self.gain + without - misfit(self.candidate)
+        self.weight = settings.fading * self.weight + 3.0
+        self.misfits = settings.fading * self.misfits + min(without, misfit(self.estimate))
+        variance = max(settings.sigma**2, self.misfits / self.weight)
         self.information = settings.fading * self.information + np.eye(3) - turn.T @ turn
         self.vector = settings.fading * self.vector + field - turn.T @ turned
         covariance = np.linalg.inv(self.information / variance + np.eye(3) / settings.prior**2)
-        estimate = covariance @ self.vector / variance
+        self.estimate = covariance @ self.vector / variance
         values, axes = np.linalg.eigh(covariance)
         told = axes[:, values < settings.trusted**2]
-        self.candidate = told @ (told.T @ estimate)
-        self.applied = self.candidate if self.gain > settings.evidence else np.zeros(3)
+        self.candidate = told @ (told.T @ self.estimate)
+        proved = self.gain > settings.evidence * variance
+        self.applied = self.candidate if proved else np.zeros(3)
         _begin(self.times[0], self.times, self.turn, self.sums)
-        return Segment(row, estimate, covariance, self.applied)
+        return Segment(row, self.estimate, covariance, self.applied)
 
 
 @njit(cache=True)
@@ -191,15 +198,21 @@ def _sum_up(
     for k in range(first, len(t)):
         last = times[0]
         times[0] = t[k]
-        if rate_rows[k] >= 0:
-            held[:] = rate[rate_rows[k]]
+        heard, at = times[3], rate_rows[k]
+        if at >= 0:
             times[3] = t[k]
         known = times[3] != NEVER and t[k] - times[3] <= GAP
-        if not known or last == NEVER or t[k] - last > GAP:
+        if heard == NEVER or t[k] - heard > GAP or t[k] - last > GAP:
             _begin(t[k], times, turn, sums)
         else:
+            # Half a sample of delay is a microtesla of hard iron in a fast turn: no rectangles.
             dt = (t[k] - last) * 1e-9
-            _rotate(turn, held[0] * dt, held[1] * dt, held[2] * dt)
+            x, y, z = held[0], held[1], held[2]
+            if at >= 0:
+                x, y, z = (x + rate[at, 0]) / 2, (y + rate[at, 1]) / 2, (z + rate[at, 2]) / 2
+            _rotate(turn, x * dt, y * dt, z * dt)
+        if at >= 0:
+            held[:] = rate[at]
         row = field_rows[k]
         if row < 0:
             continue

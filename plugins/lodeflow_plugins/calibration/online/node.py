@@ -36,16 +36,17 @@ class OnlineMagCalibrator(lf.Node):
         """What to expect of field and iron, and when to trust."""
 
         segment: Annotated[float, lf.Second] = Field(5.0, gt=0.1)
-        """Over which the gyroscope is taken at its word: it may be off by a degree or two."""
+        """Over which the gyroscope is taken at its word: it may be off by some degrees."""
         memory: Annotated[float, lf.Second] = Field(60.0, gt=0)
         """In which the past fades to 37 %."""
         sigma: Annotated[float, lf.Tesla] = Field(1e-6, gt=0)
-        """How much the earth's field differs from place to place within a segment."""
+        """How much the earth's field differs from place to place at least: 1 uT is usual between
+        walls, less outdoors. More is noticed. It scales how long the gates stay shut."""
         prior: Annotated[float, lf.Tesla] = Field(10e-6, gt=0)
         """Standard deviation of each axis of the hard iron, before anything is known."""
-        trusted: Annotated[float, lf.Tesla] = Field(0.5e-6, gt=0)
+        trusted: Annotated[float, lf.Tesla] = Field(2e-6, gt=0)
         """Standard deviation below which a part of the estimate is removed."""
-        evidence: float = Field(9.0, ge=0)
+        evidence: float = Field(25.0, ge=0)
         """How much better than nothing the estimate has to have predicted, in sigma squared."""
 
     def start(self) -> None:
