@@ -18,7 +18,7 @@ LAYERS = [  # each imports from those before it
     {"messages", "algebra"},
     {"sync", "params", "clock"},
     {"node"},
-    {"registry"},
+    {"registry", "calibration"},
     {"graph"},
     {"runtime"},
     {"transport", "recording"},

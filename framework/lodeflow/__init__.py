@@ -8,8 +8,10 @@ class Doubler(lf.Node):
 """
 
 from lodeflow.algebra import rotate
+from lodeflow.calibration import Calibration, CalibrationTool, Quantity
 from lodeflow.clock import Clock, seconds
 from lodeflow.errors import (
+    CalibrationError,
     ContractError,
     GraphError,
     LodeflowError,
@@ -79,7 +81,7 @@ from lodeflow.messages.vocabulary import (
     TrackScore,
 )
 from lodeflow.node import Node, Source
-from lodeflow.params import Mat3, Params, Vec3
+from lodeflow.params import CalibrationFile, Mat3, Params, Vec3
 from lodeflow.registry import hookimpl
 from lodeflow.sync import Bound, Each, Exact, Hold, Nearest, Sparse
 
@@ -95,6 +97,10 @@ __all__ = [
     "AttitudeScore",
     "AttitudeTruth",
     "Bound",
+    "Calibration",
+    "CalibrationError",
+    "CalibrationFile",
+    "CalibrationTool",
     "Clock",
     "ContractError",
     "Deflection",
@@ -131,6 +137,7 @@ __all__ = [
     "Params",
     "Position",
     "PositionTruth",
+    "Quantity",
     "Quaternion",
     "RadPerSecond",
     "Radian",

@@ -7,7 +7,8 @@ LodeflowError
 ├── RunError            a run could not go on
 │   ├── NodeFailure     a plugin raised: node, stamp, inputs, and the exception
 │   └── ContractError   a node broke a rule of event time
-└── RecordingError      a recording cannot be written or read
+├── RecordingError      a recording cannot be written or read
+└── CalibrationError    recorded data do not determine what a calibration asks for
 """
 
 from __future__ import annotations
@@ -57,6 +58,10 @@ class ContractError(RunError):
 
 class RecordingError(LodeflowError):
     """A recording cannot be written or read; the text names the file and what to do."""
+
+
+class CalibrationError(LodeflowError):
+    """Data do not determine a calibration; the text says what is wrong, and what to record."""
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

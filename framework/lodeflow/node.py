@@ -70,8 +70,8 @@ class NodeSpec:
         return next((port for port in self.outputs if port.name == name), None)
 
 
-class _Plugin:
-    """What nodes and sources share: parameters, a logger, a fresh start.
+class Configured:
+    """What nodes, sources and calibration tools share: parameters, a logger, a fresh start.
 
     Attributes:
         Params: the parameters; the base has none.
@@ -86,7 +86,7 @@ class _Plugin:
         super().__init_subclass__(**kwargs)
         declared: Any = cls.Params
         if not (isinstance(declared, type) and issubclass(declared, BaseParams)):
-            raise NodeError(f"{_where(cls)}: Params must be a subclass of lodeflow.Params")
+            raise NodeError(f"{named(cls)}: Params must be a subclass of lodeflow.Params")
 
     def __init__(self, params: BaseParams | None = None, *, name: str = "") -> None:
         self.params: Any = self.Params() if params is None else params
@@ -97,7 +97,7 @@ class _Plugin:
         """Set up all state. Called before the first message; calling it again resets the node."""
 
 
-class Node(_Plugin):
+class Node(Configured):
     """Base of the nodes that turn messages into messages.
 
     Implement `step(samples...)` or `step_block(blocks...)`, or both if both call one kernel. The
@@ -118,7 +118,7 @@ class Node(_Plugin):
             cls.spec = _node_spec(cls)
 
 
-class Source(_Plugin):
+class Source(Configured):
     """Base of the nodes that bring messages in.
 
     Implement `read(clock)`, a generator of samples, blocks, NamedTuples of them (several ports),
@@ -154,7 +154,8 @@ class Source(_Plugin):
         return {}
 
 
-def _where(cls: type) -> str:
+def named(cls: type) -> str:
+    """Return the name of a class and its file, as errors name it."""
     try:
         return f"{cls.__module__}.{cls.__qualname__} ({inspect.getsourcefile(cls)})"
     except (OSError, TypeError):
@@ -167,7 +168,7 @@ def _hints(cls: type, annotated: Any) -> dict[str, Any]:
         return get_type_hints(annotated, localns=dict(vars(cls)))
     except (NameError, AttributeError) as error:
         raise NodeError(
-            f"{_where(cls)}: {annotated.__name__}: {error}; annotations are read when the class "
+            f"{named(cls)}: {annotated.__name__}: {error}; annotations are read when the class "
             "is defined, so import the message types outside of TYPE_CHECKING"
         ) from None
 
@@ -182,12 +183,17 @@ def _is_message(hint: Any) -> bool:
     return isinstance(hint, type) and issubclass(hint, Message) and bool(hint.ros)
 
 
-def _inputs(cls: type, method: Any) -> tuple[InputPort, ...]:
+def input_ports(cls: type, method: Any) -> tuple[InputPort, ...]:
+    """Return the inputs that the arguments of a method declare.
+
+    Raises:
+        NodeError: names the argument, and what is wrong with it.
+    """
     hints = _hints(cls, method)
     ports = []
     is_sparse = method.__name__ == "step_block" and isinstance(getattr(cls, "sync", None), Each)
     for argument in list(inspect.signature(method).parameters.values())[1:]:
-        where = f"{_where(cls)}: {method.__name__}: argument {argument.name!r}"
+        where = f"{named(cls)}: {method.__name__}: argument {argument.name!r}"
         if argument.kind not in (argument.POSITIONAL_ONLY, argument.POSITIONAL_OR_KEYWORD):
             raise NodeError(f"{where}: an input is a plain argument, not * or **")
         if argument.default not in (argument.empty, None):
@@ -222,26 +228,26 @@ def _outputs(cls: type, method: Any, hint: Any) -> tuple[dict[str, type[Message]
             (inner, *rest) = _without_none(field) or (None,)
             if rest or not _is_message(inner):
                 raise NodeError(
-                    f"{_where(cls)}: {method.__name__}: port {name!r} of {kind.__name__} "
+                    f"{named(cls)}: {method.__name__}: port {name!r} of {kind.__name__} "
                     "needs a message type"
                 )
             ports[name] = inner
         return ports, True
     verb = "yield" if method.__name__ == "read" else "return"
     raise NodeError(
-        f"{_where(cls)}: {method.__name__} must {verb} one message type, a NamedTuple of them, "
+        f"{named(cls)}: {method.__name__} must {verb} one message type, a NamedTuple of them, "
         f"or None, not {hint!r}"
     )
 
 
 def _node_spec(cls: type[Node]) -> NodeSpec:
     methods = [getattr(cls, name) for name in ("step", "step_block") if hasattr(cls, name)]
-    inputs = [_inputs(cls, method) for method in methods]
+    inputs = [input_ports(cls, method) for method in methods]
     returned = [_outputs(cls, m, _hints(cls, m).get("return")) for m in methods]
     if inputs[0] != inputs[-1] or returned[0] != returned[-1]:
-        raise NodeError(f"{_where(cls)}: step and step_block declare different ports")
+        raise NodeError(f"{named(cls)}: step and step_block declare different ports")
     if not inputs[0]:
-        raise NodeError(f"{_where(cls)}: {methods[0].__name__} has no input; see Source")
+        raise NodeError(f"{named(cls)}: {methods[0].__name__} has no input; see Source")
     stepped, step_tuple = returned[0]
     finished: dict[str, type[Message]] = {}
     finish_tuple = False
@@ -250,7 +256,7 @@ def _node_spec(cls: type[Node]) -> NodeSpec:
     for name in stepped.keys() & finished.keys():
         if stepped[name] is not finished[name]:
             raise NodeError(
-                f"{_where(cls)}: port {name!r} is {stepped[name].__name__} in step and "
+                f"{named(cls)}: port {name!r} is {stepped[name].__name__} in step and "
                 f"{finished[name].__name__} in finish; give them names in a NamedTuple"
             )
     outputs = tuple(
@@ -275,20 +281,20 @@ def _check_sync(cls: type[Node], inputs: tuple[InputPort, ...]) -> None:
     names = [port.name for port in inputs]
     if len(inputs) > 1 and cls.sync is None:
         raise NodeError(
-            f"{_where(cls)}: {len(inputs)} inputs ({', '.join(names)}) and no sync; declare how "
+            f"{named(cls)}: {len(inputs)} inputs ({', '.join(names)}) and no sync; declare how "
             "they meet: sync = Exact(), Nearest(lead, within), Hold(lead) or Each()"
         )
     if len(inputs) == 1 and cls.sync is not None:
-        raise NodeError(f"{_where(cls)}: one input needs no sync")
+        raise NodeError(f"{named(cls)}: one input needs no sync")
     if cls.sync is not None and not isinstance(cls.sync, (Exact, Nearest, Hold, Each)):
-        raise NodeError(f"{_where(cls)}: sync is {cls.sync!r}; write for example sync = Exact()")
+        raise NodeError(f"{named(cls)}: sync is {cls.sync!r}; write for example sync = Exact()")
     if isinstance(cls.sync, (Nearest, Hold)) and cls.sync.lead not in names:
         raise NodeError(
-            f"{_where(cls)}: the sync leads by {cls.sync.lead!r}, which is no input"
+            f"{named(cls)}: the sync leads by {cls.sync.lead!r}, which is no input"
             f"{did_you_mean(cls.sync.lead, names)} (inputs: {', '.join(names)})"
         )
     if isinstance(cls.sync, Nearest) and not _is_span(cls.sync.within):
-        raise NodeError(f"{_where(cls)}: Nearest: within {_SPAN}, not {cls.sync.within!r}")
+        raise NodeError(f"{named(cls)}: Nearest: within {_SPAN}, not {cls.sync.within!r}")
     if isinstance(cls.sync, Hold):
         _check_hold(cls, cls.sync, inputs)
     first_leads = isinstance(cls.sync, Exact) or len(names) == 1
@@ -296,7 +302,7 @@ def _check_sync(cls: type[Node], inputs: tuple[InputPort, ...]) -> None:
     for port in inputs:
         if port.name == lead and port.optional:
             what = "lead" if len(names) > 1 else "only input"
-            raise NodeError(f"{_where(cls)}: the {what} {lead!r} cannot be optional")
+            raise NodeError(f"{named(cls)}: the {what} {lead!r} cannot be optional")
 
 
 _SPAN = "must be a whole number of nanoseconds from 0 up (see seconds)"
@@ -310,7 +316,7 @@ def _check_span(cls: type, name: str) -> None:
     """Look at a duration that the class declares, unless an instance computes it."""
     value = getattr(cls, name)
     if value is not None and not isinstance(value, property) and not _is_span(value):
-        raise NodeError(f"{_where(cls)}: {name} {_SPAN}, not {value!r}")
+        raise NodeError(f"{named(cls)}: {name} {_SPAN}, not {value!r}")
 
 
 def _check_hold(cls: type[Node], sync: Hold, inputs: tuple[InputPort, ...]) -> None:
@@ -318,17 +324,17 @@ def _check_hold(cls: type[Node], sync: Hold, inputs: tuple[InputPort, ...]) -> N
     for name, message in (sync.initial or {}).items():
         if name not in held:
             raise NodeError(
-                f"{_where(cls)}: Hold: initial for {name!r}, which is not held"
+                f"{named(cls)}: Hold: initial for {name!r}, which is not held"
                 f"{did_you_mean(name, held)}"
             )
         if type(message) is not held[name] or message.is_block:
             raise NodeError(
-                f"{_where(cls)}: Hold: initial for {name!r} must be a sample of "
+                f"{named(cls)}: Hold: initial for {name!r} must be a sample of "
                 f"{held[name].__name__}"
             )
     if sync.delay and set(sync.initial or {}) != set(held):
         missing = ", ".join(sorted(set(held) - set(sync.initial or {})))
-        raise NodeError(f"{_where(cls)}: Hold with delay needs an initial message for {missing}")
+        raise NodeError(f"{named(cls)}: Hold with delay needs an initial message for {missing}")
 
 
 def _source_spec(cls: type[Source]) -> NodeSpec:
@@ -339,13 +345,13 @@ def _source_spec(cls: type[Source]) -> NodeSpec:
     messages = [kind for kind in yielded if kind is not Bound]
     if len(messages) > 1:
         raise NodeError(
-            f"{_where(cls)}: read yields {len(messages)} types; make them the ports of a NamedTuple"
+            f"{named(cls)}: read yields {len(messages)} types; make them the ports of a NamedTuple"
         )
     if messages:
         ports, is_tuple = _outputs(cls, cls.read, messages[0])
     if not ports:
         raise NodeError(
-            f"{_where(cls)}: read must say what it yields, for example Iterator[Imu]; got {hint!r}"
+            f"{named(cls)}: read must say what it yields, for example Iterator[Imu]; got {hint!r}"
         )
     _check_span(cls, "max_delay")
     outputs = tuple(OutputPort(name, kind, True, False) for name, kind in ports.items())

@@ -6,7 +6,13 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+)
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
@@ -92,6 +98,36 @@ Vec3 = Annotated[NDArray[np.float64], _ArrayOf(3)]
 """Three numbers; float64 of shape (3,), read-only."""
 Mat3 = Annotated[NDArray[np.float64], _ArrayOf(3, 3)]
 """Three rows of three numbers; float64 of shape (3, 3), read-only."""
+
+
+class _ReadFromFile:
+    """Marks the parameter that names calibration files."""
+
+
+def _refuse_file(value: Any) -> Any:
+    if value is not None:
+        raise PydanticCustomError(
+            "file", "is read where a graph is loaded; here, give the values that are in it"
+        )
+    return value
+
+
+CalibrationFile = Annotated[str | list[str] | None, AfterValidator(_refuse_file), _ReadFromFile()]
+"""A parameter, `file: CalibrationFile = None`, that brings the others of its node.
+
+It names a file that `lodeflow calibrate` wrote, or a list of them, of which the later win; paths
+start at the current folder. Loading a graph puts what the files hold in the place of all
+parameters that were set before, so that the graph in a recording needs no file. In the node it is
+always None.
+"""
+
+
+def file_parameter(params: type[BaseModel]) -> str | None:
+    """Return the name of the parameter that names calibration files, if there is one."""
+    for name, field in params.model_fields.items():
+        if any(isinstance(mark, _ReadFromFile) for mark in field.metadata):
+            return name
+    return None
 
 
 def unit_of(metadata: list[Any]) -> type[Unit]:

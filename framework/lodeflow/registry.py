@@ -51,6 +51,14 @@ class Hooks:
         """
         raise NotImplementedError
 
+    @hookspec
+    def lodeflow_calibrations(self) -> Mapping[str, str]:
+        """Return kinds of `lodeflow calibrate`, {"kind": "package.module:Class"}.
+
+        The class is a CalibrationTool.
+        """
+        raise NotImplementedError
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -71,6 +79,7 @@ class Registry:
         self.nodes = self._collect("lodeflow_nodes")
         self.commands = self._collect("lodeflow_commands")
         self.importers = self._collect("lodeflow_importers")
+        self.calibrations = self._collect("lodeflow_calibrations")
 
     def _collect(self, hook: str) -> dict[str, Entry]:
         found: dict[str, Entry] = {}

@@ -12,15 +12,18 @@ def lodeflow_nodes() -> dict[str, str]:
     peers = f"{here}.fusion.peers"
     return {
         "simulated_vehicle": f"{here}.sources.simulated_vehicle.node:SimulatedVehicle",
+        "simulated_platform": f"{here}.sources.simulated_platform.node:SimulatedPlatform",
         "csv": f"{here}.sources.csv_file:CsvFile",
         "broad_trial": f"{here}.sources.broad:BroadTrial",
         "foot_trial": f"{here}.sources.foot_trial:FootTrial",
         "airborne_line": f"{here}.sources.airborne_line:AirborneLine",
-        "simulated_platform": f"{here}.sources.simulated_platform:SimulatedPlatform",
+        "tilting_platform": f"{here}.sources.tilting_platform:TiltingPlatform",
         "recorded_sensors": "lodeflow.recording.source:RecordedSensors",
         "mag_calibrator": f"{here}.calibration.node:MagCalibrator",
         "accel_calibrator": f"{here}.calibration.node:AccelCalibrator",
         "gyro_calibrator": f"{here}.calibration.node:GyroCalibrator",
+        "online_mag_calibrator": f"{here}.calibration.online.node:OnlineMagCalibrator",
+        "iron_calibrator": f"{here}.calibration.node:IronCalibrator",
         "imu_combiner": f"{here}.calibration.node:ImuCombiner",
         "tilt_compass": f"{here}.fusion.tilt_compass.node:TiltCompass",
         "quaternion_kalman": f"{kalman}:QuaternionKalman",
@@ -60,10 +63,30 @@ def lodeflow_nodes() -> dict[str, str]:
 
 
 @lf.hookimpl
+def lodeflow_messages() -> list[str]:
+    """Modules that declare message types."""
+    return ["lodeflow_plugins.calibration.messages"]
+
+
+@lf.hookimpl
 def lodeflow_importers() -> dict[str, str]:
     """Formats of `lodeflow import`."""
     return {
         "broad": "lodeflow_plugins.sources.broad:BroadTrial",
         "airborne": "lodeflow_plugins.sources.airborne_line:AirborneLine",
         "foot": "lodeflow_plugins.sources.foot_trial:FootTrial",
+    }
+
+
+@lf.hookimpl
+def lodeflow_calibrations() -> dict[str, str]:
+    """Kinds of `lodeflow calibrate`."""
+    tools = "lodeflow_plugins.calibration.tools"
+    return {
+        "mag": f"{tools}.mag:Mag",
+        "iron": f"{tools}.iron:Iron",
+        "accel": f"{tools}.accel:Accel",
+        "gyro": f"{tools}.gyro:Gyro",
+        "gyro-bias": f"{tools}.gyro:GyroBias",
+        "allan": f"{tools}.allan:Allan",
     }

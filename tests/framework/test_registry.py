@@ -67,7 +67,11 @@ def test_names_of_all_packages_come_together() -> None:
     found = Registry(
         manager(
             one=package(nodes={"doubler": "a:Doubler"}, commands={"plot": "a:plot"}),
-            two=package(nodes={"tripler": "b:Tripler"}, importers={"broad": "b:read"}),
+            two=package(
+                nodes={"tripler": "b:Tripler"},
+                importers={"broad": "b:read"},
+                calibrations={"fcm": "b:Fcm"},
+            ),
         )
     )
     assert found.nodes == {
@@ -75,6 +79,7 @@ def test_names_of_all_packages_come_together() -> None:
         "tripler": Entry("tripler", "b:Tripler", "two"),
     }
     assert found.commands == {"plot": Entry("plot", "a:plot", "one")}
+    assert found.calibrations == {"fcm": Entry("fcm", "b:Fcm", "two")}
     assert found.importers == {"broad": Entry("broad", "b:read", "two")}
 
 
@@ -159,6 +164,7 @@ def test_the_hooks_specify_but_do_not_answer() -> None:
         Hooks.lodeflow_messages,
         Hooks.lodeflow_commands,
         Hooks.lodeflow_importers,
+        Hooks.lodeflow_calibrations,
     ):
         with pytest.raises(NotImplementedError):
             hook(Hooks())

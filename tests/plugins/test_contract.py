@@ -20,7 +20,7 @@ BUNDLED = {
     "imu_decimator", "kinematic_acceleration", "mag_steps", "raw_norm_steps", "shoe_steps",
     "simulated_platform", "stance_track", "step_score", "step_track", "swing_steps",
     "tilt_correction", "tilt_error_budget", "to_geographic", "track_score",
-    "zero_velocity_steps",
+    "tilting_platform", "zero_velocity_steps",
 }  # fmt: skip
 PEERS = {
     "ahrs_madgwick": "ahrs", "ahrs_mahony": "ahrs", "imufusion": "imufusion", "vqf": "vqf",

@@ -19,6 +19,7 @@ COMMANDS: dict[str, str] = {
     "compare": "Compare two recordings: are they the same, and where not?",
     "recover": "Mend a recording that was killed or damaged, into a new file.",
     "export": "Write streams of a recording into tables: CSV or Parquet.",
+    "calibrate": "Find the parameters of a calibrator from recordings.",
     "check": "Check graph and study files: all errors, each with its place.",
     "graph": "Draw a graph.",
     "explain": "Say where a parameter of a graph gets its value.",

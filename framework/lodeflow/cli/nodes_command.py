@@ -65,7 +65,7 @@ def document(name: str, plugin: type[Node] | type[Source]) -> dict[str, Any]:
         "inputs": {port.name: _port(port.type, optional=port.optional) for port in spec.inputs},
         "sync": describe(spec.sync) if len(spec.inputs) > 1 else None,
         "outputs": {port.name: _port(port.type) for port in spec.outputs},
-        "params": _params(plugin.Params),
+        "params": params_of(plugin.Params),
         "example": dict(plugin.example),
         "file": file,
     }
@@ -78,7 +78,8 @@ def _port(kind: type[Message], *, optional: bool = False) -> dict[str, Any]:
     return {"type": kind.__name__, "ros": kind.ros, "fields": fields, "optional": optional}
 
 
-def _params(params: type[BaseModel]) -> dict[str, Any]:
+def params_of(params: type[BaseModel]) -> dict[str, Any]:
+    """Return all that is declared of parameters, as plain data."""
     return {
         key: {
             "type": _type_name(field.annotation),
@@ -95,7 +96,7 @@ def _params(params: type[BaseModel]) -> dict[str, Any]:
 def _groups(annotation: Any) -> list[dict[str, Any]]:
     """Return the parameters of each group of parameters that an annotation names."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [_params(annotation)]
+        return [params_of(annotation)]
     return [group for inner in get_args(annotation) for group in _groups(inner)]
 
 
@@ -132,7 +133,7 @@ def as_text(found: dict[str, Any]) -> str:
             lines.append(f"  inputs meet by: {found['sync']}")
     if found["params"]:
         lines.append("params:")
-    lines += _param_lines(found["params"], "  ")
+    lines += param_lines(found["params"], "  ")
     if found["example"]:
         lines.append("example:")
         lines += [f"  {key}: {value}" for key, value in found["example"].items()]
@@ -140,12 +141,13 @@ def as_text(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _param_lines(params: dict[str, Any], indent: str) -> list[str]:
+def param_lines(params: dict[str, Any], indent: str) -> list[str]:
+    """Return parameters as lines for a terminal; see `params_of`."""
     lines = []
     for name, facts in params.items():
         value = "required" if facts["required"] else f"default {facts['default']}"
         unit = f" [{facts['unit']}]" if facts["unit"] else ""
         lines.append(f"{indent}{name}: {facts['type']}{unit}, {value}")
         lines += [f"{indent}  {line}" for line in facts["doc"].splitlines()]
-        lines += _param_lines(facts["params"], f"{indent}  ")
+        lines += param_lines(facts["params"], f"{indent}  ")
     return lines

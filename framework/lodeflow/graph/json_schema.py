@@ -13,6 +13,7 @@ from lodeflow.errors import NodeError
 from lodeflow.graph.check import FORMAT, RECORDED_TO
 from lodeflow.graph.model import Loss, OnCrash, Restart
 from lodeflow.graph.plugins import Plugin, field_of, load_plugin, unit
+from lodeflow.params import file_parameter
 from lodeflow.registry import registry
 
 Json = dict[str, Any]
@@ -233,6 +234,8 @@ def _params(name: str, plugin: Plugin) -> Json:
         ref_template=f"#/$defs/{_key(name)}.{{model}}", schema_generator=_Lenient
     )
     made.pop("description", None)
+    if "required" in made and (file := file_parameter(plugin.Params)):
+        made["anyOf"] = [{"required": made.pop("required")}, {"required": [file]}]
     for field_name, described in made.get("properties", {}).items():
         field = field_of(plugin.Params, [field_name])
         parts = [(field.description if field else None) or ""]

@@ -82,11 +82,14 @@ def read_options(
     for kind, given in texts:
         for text in given:
             rank += 1
-            shown = text.encode("utf-8", "replace").decode()  # it may hold undecodable bytes
-            origin = Origin(f"--{kind} {' '.join(shown.split())}", rank)
-            if option := _read(kind, text, origin, problems):
+            if option := _read(kind, text, _origin(kind, text, rank), problems):
                 found.append(option)
     return found
+
+
+def _origin(kind: Kind, text: str, rank: int) -> Origin:
+    shown = text.encode("utf-8", "replace").decode()  # it may hold undecodable bytes
+    return Origin(f"--{kind} {' '.join(shown.split())}", rank)
 
 
 def override(
@@ -97,7 +100,7 @@ def override(
     merged = base
     for overlay in overlays:
         layers.append(Layer(overlay, removes=True))
-        merged = _merge(merged, overlay, "", problems, removes=True)
+        merged = merge(merged, overlay, "", problems, removes=True)
     for option in (option for option in options if option.kind == "swap"):
         if swapped := _swap(merged, option, problems):
             merged, layer, dropped = swapped
@@ -107,11 +110,12 @@ def override(
         for option in (option for option in options if option.kind == kind):
             if tree := nested(merged, option, problems):
                 layers.append(Layer(tree))
-                merged = _merge(merged, tree, "", problems, removes=False)
+                merged = merge(merged, tree, "", problems, removes=False)
     return Layers(tuple(layers), merged, tuple(notes))
 
 
-def _merge(base: Tree, over: Tree, path: str, problems: Problems, *, removes: bool) -> Tree:
+def merge(base: Tree, over: Tree, path: str, problems: Problems, *, removes: bool = False) -> Tree:
+    """Return one tree laid over another; `removes` tells whether null removes what it is over."""
     if not isinstance(base.value, dict) or not isinstance(over.value, dict):
         return over
     merged = dict(base.value)
@@ -122,7 +126,7 @@ def _merge(base: Tree, over: Tree, path: str, problems: Problems, *, removes: bo
                 near = did_you_mean(name, base.value)
                 problems.add(value.name_place, here, f"null removes, but nothing is here{near}")
         elif name in merged:
-            merged[name] = _merge(merged[name], value, here, problems, removes=removes)
+            merged[name] = merge(merged[name], value, here, problems, removes=removes)
         else:
             merged[name] = value
     return replace(base, value=merged)
@@ -176,6 +180,18 @@ def _set(merged: Tree, option: Option, problems: Problems) -> Tree | None:
     return _nested(option, ["nodes", node, *names])
 
 
+def read_setting(text: str, rank: int, problems: Problems) -> Tree | None:
+    """Return the tree of an option "name=value" or "group.name=value" for parameters alone."""
+    option = _read("set", text, _origin("set", text, rank), problems)
+    if option is None:
+        return None
+    names = option.target.split(".")
+    if not all(names):
+        problems.add(option.place, "", "names no parameter; write --set name=value")
+        return None
+    return _nested(option, names)
+
+
 def _arg(merged: Tree, option: Option, problems: Problems) -> Tree | None:
     name = option.target
     args = merged.find("args")
@@ -199,7 +215,7 @@ def _swap(merged: Tree, option: Option, problems: Problems) -> tuple[Tree, Layer
         problems.add(option.value.place, join("nodes", node, "use"), str(error))
         return None
     named = replace(option.value, key=option.place)
-    merged = _put(merged, ("nodes", node, "use"), named)
+    merged = put(merged, ("nodes", node, "use"), named)
     dropped = []
     params = merged.find("nodes", node, "params")
     if params is not None and isinstance(params.value, dict):
@@ -210,14 +226,14 @@ def _swap(merged: Tree, option: Option, problems: Problems) -> tuple[Tree, Layer
             else:
                 has = f"'{use}' has no parameter '{name}'"
                 dropped.append(f"{option.place}: {has}, dropped ({value.place})")
-        merged = _put(merged, ("nodes", node, "params"), replace(params, value=kept))
+        merged = put(merged, ("nodes", node, "params"), replace(params, value=kept))
     return merged, Layer(_nested(option, ["nodes", node, "use"])), dropped
 
 
-def _put(tree: Tree, names: Sequence[str], value: Tree) -> Tree:
+def put(tree: Tree, names: Sequence[str], value: Tree) -> Tree:
     """Return the tree with another value under a chain of keys."""
     if not names:
         return value
     name, *rest = names
     below = tree.entries.get(name, value)
-    return replace(tree, value={**tree.entries, name: _put(below, rest, value)})
+    return replace(tree, value={**tree.entries, name: put(below, rest, value)})

@@ -9,11 +9,12 @@ from typing import Any
 
 from lodeflow.errors import did_you_mean
 from lodeflow.graph.arguments import NAME, declared, fill, used
+from lodeflow.graph.calibration_file import expand
 from lodeflow.graph.check import check
 from lodeflow.graph.layers import Layers, Option, override, read_options
 from lodeflow.graph.model import Graph
 from lodeflow.graph.problems import Origin, Place, Problems, join
-from lodeflow.graph.tree import Tree, parse, to_yaml
+from lodeflow.graph.tree import Tree, parse, read_text, to_yaml
 
 
 def load_graph(
@@ -107,7 +108,7 @@ def _resolve_file(
     options: Sequence[Option],
     problems: Problems,
 ) -> tuple[Graph, Layers]:
-    text = read_text(path, Origin(str(path), 0, ()), problems)
+    text = read_file(path, Origin(str(path), 0, ()), problems)
     return _resolve(text, str(path), overlays, options, problems)
 
 
@@ -122,7 +123,7 @@ def _resolve(
     others = []
     for rank, overlay in enumerate(overlays, 1):
         origin = Origin(str(overlay), rank, ())
-        others.append(_parse(read_text(overlay, origin, problems), origin, problems))
+        others.append(_parse(read_file(overlay, origin, problems), origin, problems))
     readable = [tree for tree in others if tree is not None]
     if base is None or len(readable) < len(others):
         raise problems.error()  # without one of the files, nothing true can be said of the others
@@ -135,26 +136,22 @@ def _resolve(
             what = f"never used; write ${{{name}}} where it should go, or remove it"
             problems.add(values[name].name_place, join("args", name), what)
     filled = fill(layers.merged, values, problems)
+    layers, filled, files = expand(layers, filled, problems)
     in_force = {name: values[name].plain() for name in values if name in used([layers.merged])}
-    graph = check(
-        filled, in_force, problems, document=_document(layers.merged, in_force), notes=layers.notes
-    )
+    document = _document(layers.merged, in_force)
+    graph = check(filled, in_force, problems, document=document, notes=layers.notes, files=files)
     if graph is None or len(problems):
         raise problems.error()
     return graph, layers
 
 
-def read_text(path: str | Path, origin: Origin, problems: Problems) -> str | None:
+def read_file(path: str | Path, origin: Origin, problems: Problems) -> str | None:
     """Return the text of a file, or None after a problem."""
     try:
-        return Path(path).read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = error.object[: error.start].count(b"\n") + 1
-        problems.add(Place(origin), "", f"line {line} is not UTF-8; save the file as UTF-8")
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        problems.add(Place(origin), "", f"cannot be read: {why}")
-    return None
+        return read_text(path)
+    except ValueError as error:
+        problems.add(Place(origin), "", str(error))
+        return None
 
 
 def _parse(text: str | None, origin: Origin, problems: Problems) -> Tree | None:

@@ -114,6 +114,7 @@ class Graph:
         processes: the process groups; empty for one process.
         args: the arguments with the values in force.
         document: the resolved file as plain data: what a run needs to be repeated.
+        files: texts of the calibration files that values come from, by path.
         notes: what to tell the user although it is no mistake (params that a swap dropped).
     """
 
@@ -123,6 +124,7 @@ class Graph:
     processes: Mapping[str, Group] = field(default_factory=dict)
     args: Mapping[str, Any] = field(default_factory=dict)
     document: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict, compare=False)
     notes: tuple[str, ...] = field(default=(), compare=False)
 
     def streams(self) -> Iterator[Wire]:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pydantic import ValidationError
 
 from lodeflow.errors import MessageError, did_you_mean
-from lodeflow.graph.plugins import Plugin, field_of, names_of, unit
-from lodeflow.graph.problems import Place, Problems, join, show
+from lodeflow.graph.layers import merge, read_setting
+from lodeflow.graph.plugins import field_of, names_of, unit
+from lodeflow.graph.problems import Origin, Place, Problems, join, show
 from lodeflow.graph.tree import Tree
 from lodeflow.messages.units import Dimensionless, Unit
+from lodeflow.node import Configured
 from lodeflow.params import Params
 
 Loc = tuple[str | int, ...]
@@ -49,7 +51,12 @@ _LISTS = ("list_type", "tuple_type", "set_type", "frozen_set_type", "iterable_ty
 
 
 def read_params(
-    plugin: Plugin, use: str, tree: Tree | None, path: str, owner: Place, problems: Problems
+    plugin: type[Configured],
+    use: str,
+    tree: Tree | None,
+    path: str,
+    owner: Place,
+    problems: Problems,
 ) -> Params | None:
     """Return the checked parameters of a node, or None after adding every problem with them.
 
@@ -72,6 +79,29 @@ def read_params(
         return params
     _report(plugin, use, given, path, found, problems)
     return None
+
+
+def settings(plugin: type[Configured], use: str, options: Sequence[str]) -> Params:
+    """Return the parameters that options set, of something that stands in no graph.
+
+    Args:
+        plugin: the class.
+        use: how to name it.
+        options: texts "name=value"; the value is YAML.
+
+    Raises:
+        GraphError: with each option that does not fit.
+    """
+    problems = Problems()
+    origin = Origin("--set")
+    tree = Tree({}, Place(origin))
+    for rank, option in enumerate(options):
+        if over := read_setting(option, rank, problems):
+            tree = merge(tree, over, "", problems)
+    params = read_params(plugin, use, tree, "", tree.place, problems)
+    if params is None or len(problems):
+        raise problems.error()
+    return params
 
 
 @dataclass(frozen=True)
@@ -120,7 +150,7 @@ class _Error:
 
 
 def _validate(
-    plugin: Plugin, given: Tree, path: str, problems: Problems
+    plugin: type[Configured], given: Tree, path: str, problems: Problems
 ) -> tuple[Params | None, list[_Error]]:
     """Return the parameters, and what pydantic finds wrong with them.
 
@@ -151,7 +181,12 @@ def _validate(
 
 
 def _report(
-    plugin: Plugin, use: str, given: Tree, path: str, found: list[_Error], problems: Problems
+    plugin: type[Configured],
+    use: str,
+    given: Tree,
+    path: str,
+    found: list[_Error],
+    problems: Problems,
 ) -> None:
     guessed, before = "", len(problems)
     for error in (error for error in found if error.kind == "extra_forbidden"):
@@ -184,7 +219,7 @@ def _report(
 
 
 def _report_value(
-    plugin: Plugin, path: str, loc: Loc, errors: list[_Error], problems: Problems
+    plugin: type[Configured], path: str, loc: Loc, errors: list[_Error], problems: Problems
 ) -> None:
     """Add one problem for all that members of a union say of one value."""
     of = unit(field_of(plugin.Params, loc))
@@ -254,7 +289,7 @@ def _is_number(value: Any, of: type[Unit]) -> bool:
     return isinstance(value, (int, float)) and value - value == 0  # neither infinite nor NaN
 
 
-def _meaning(plugin: Plugin, loc: Loc) -> str:
+def _meaning(plugin: type[Configured], loc: Loc) -> str:
     field = field_of(plugin.Params, loc)
     symbol = unit(field).symbol
     described = (field.description or "").strip().rstrip(".") if field else ""

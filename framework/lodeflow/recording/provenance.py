@@ -25,7 +25,7 @@ def provenance(graph: Graph, *, command: Sequence[str], started: str) -> dict[st
         command: arguments of the command line.
         started: wall time of the start, ISO 8601.
     """
-    return {
+    found = {
         "graph": graph.name,
         "args": json.dumps(dict(graph.args), default=str),
         "command": json.dumps(list(command)),
@@ -35,6 +35,9 @@ def provenance(graph: Graph, *, command: Sequence[str], started: str) -> dict[st
             versions(node.plugin.__module__.partition(".")[0] for node in graph.nodes.values())
         ),
     }
+    if graph.files:
+        found["calibration_files"] = json.dumps(dict(graph.files))
+    return found
 
 
 def host() -> dict[str, str]:

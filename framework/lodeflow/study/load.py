@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lodeflow.errors import GraphError, LodeflowError, did_you_mean
-from lodeflow.graph.load import load_graph_with, read_text
+from lodeflow.graph.load import load_graph_with, read_file
 from lodeflow.graph.model import Graph, Wire
 from lodeflow.graph.problems import Origin, Problems, join, show
 from lodeflow.graph.reading import is_file, missing, title
@@ -45,7 +45,7 @@ def load_study(path: str | Path, environment: Mapping[str, str] = os.environ) ->
     """
     path, problems = Path(path), Problems()
     origin = Origin(str(path), 0, ())
-    text = read_text(path, origin, problems)
+    text = read_file(path, origin, problems)
     tree = None if text is None else parse(text, origin, problems)
     if tree is None or not is_file(tree, "study", "lodeflow_study", FORMAT, KEYS, problems):
         raise problems.error()

@@ -29,6 +29,8 @@ class MagnetometerFit:
     sensitivity: (3,), LSB per unit of the field; misalignment: (3, 3), rows are the unit vectors
     of the sensor axes in FRD; bias: (3,), LSB; residual_rms: (3,), LSB, of each sensor axis;
     condition: ratio of the largest to the least variation of the inputs over all directions.
+    Standard errors, from the residuals and to first order: sensitivity_error (3,), LSB per unit;
+    direction_error (3,), rad, of each sensor axis; bias_error (3,), LSB. NaN without redundancy.
     """
 
     sensitivity: np.ndarray
@@ -36,6 +38,9 @@ class MagnetometerFit:
     bias: np.ndarray
     residual_rms: np.ndarray
     condition: float
+    sensitivity_error: np.ndarray
+    direction_error: np.ndarray
+    bias_error: np.ndarray
 
     @property
     def model(self) -> error_models.Affine:
@@ -47,13 +52,16 @@ class MagnetometerFit:
 class AccelerometerFit:
     """Result of `accelerometer`: gain (3, 3) in g per LSB and offset (3,) in g of Eq. 8.
 
-    residual_rms: (3,), g, of each body axis; condition: as in MagnetometerFit.
+    residual_rms: (3,), g, of each body axis; condition: as in MagnetometerFit. Standard errors:
+    gain_error (3, 3), offset_error (3,), NaN without redundancy.
     """
 
     gain: np.ndarray
     offset: np.ndarray
     residual_rms: np.ndarray
     condition: float
+    gain_error: np.ndarray
+    offset_error: np.ndarray
 
     @property
     def model(self) -> error_models.Affine:
@@ -66,11 +74,13 @@ class GyroscopeFit:
     """Result of `gyroscope`: k (4, 3) of Eq. 14, three rows of transposed gain and one of bias.
 
     residual_rms: (3,), unit of the rate, of each body axis; condition: as in MagnetometerFit.
+    k_error: (4, 3), standard errors, NaN without redundancy.
     """
 
     k: np.ndarray
     residual_rms: np.ndarray
     condition: float
+    k_error: np.ndarray
 
     @property
     def model(self) -> error_models.Affine:
@@ -93,7 +103,18 @@ def magnetometer(raw: ArrayLike, field: ArrayLike) -> MagnetometerFit:
     if not np.all(sensitivity > 0.0):
         raise ValueError("raw does not depend on field on at least one sensor axis")
     misalignment = fit.matrix / sensitivity[:, None]
-    return MagnetometerFit(sensitivity, misalignment, fit.offset, fit.residual_rms, fit.condition)
+    along = np.einsum("ij,ijk,ik->i", misalignment, fit.covariance, misalignment)
+    across = np.trace(fit.covariance, axis1=1, axis2=2) - along
+    return MagnetometerFit(
+        sensitivity,
+        misalignment,
+        fit.offset,
+        fit.residual_rms,
+        fit.condition,
+        np.sqrt(along),
+        np.sqrt(across) / sensitivity,
+        fit.offset_error,
+    )
 
 
 def accelerometer(raw: ArrayLike, specific_force: ArrayLike) -> AccelerometerFit:
@@ -105,7 +126,14 @@ def accelerometer(raw: ArrayLike, specific_force: ArrayLike) -> AccelerometerFit
     Raises ValueError for too little or degenerate data, NaN, or wrong shapes.
     """
     fit = _affine_fit("raw", raw, "specific_force", specific_force)
-    return AccelerometerFit(fit.matrix, fit.offset, fit.residual_rms, fit.condition)
+    return AccelerometerFit(
+        fit.matrix,
+        fit.offset,
+        fit.residual_rms,
+        fit.condition,
+        fit.matrix_error,
+        fit.offset_error,
+    )
 
 
 def gyroscope(raw: ArrayLike, rate: ArrayLike) -> GyroscopeFit:
@@ -117,15 +145,25 @@ def gyroscope(raw: ArrayLike, rate: ArrayLike) -> GyroscopeFit:
     Raises ValueError for too little or degenerate data, NaN, or wrong shapes.
     """
     fit = _affine_fit("raw", raw, "rate", rate)
-    return GyroscopeFit(np.vstack([fit.matrix.T, fit.offset]), fit.residual_rms, fit.condition)
+    k = np.vstack([fit.matrix.T, fit.offset])
+    k_error = np.vstack([fit.matrix_error.T, fit.offset_error])
+    return GyroscopeFit(k, fit.residual_rms, fit.condition, k_error)
 
 
 @dataclass(frozen=True, eq=False)
 class _AffineFit:
+    """covariance: (3, 3, 3), of the rows of the matrix; offset_error: (3,)."""
+
     matrix: np.ndarray
     offset: np.ndarray
     residual_rms: np.ndarray
     condition: float
+    covariance: np.ndarray
+    offset_error: np.ndarray
+
+    @property
+    def matrix_error(self) -> np.ndarray:
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
 
 def _affine_fit(x_name: str, x: ArrayLike, y_name: str, y: ArrayLike) -> _AffineFit:
@@ -149,8 +187,18 @@ def _affine_fit(x_name: str, x: ArrayLike, y_name: str, y: ArrayLike) -> _Affine
     solution = np.linalg.lstsq(x - x_mean, y - y_mean, rcond=None)[0]
     matrix = np.ascontiguousarray(solution.T)
     offset = y_mean - matrix @ x_mean
-    residual = y - error_models.Affine(matrix, offset)(x)
-    return _AffineFit(matrix, offset, np.sqrt(np.mean(residual**2, axis=0)), condition)
+    squares = np.sum((y - error_models.Affine(matrix, offset)(x)) ** 2, axis=0)
+    redundancy = len(x) - 4
+    variance = squares / redundancy if redundancy else np.full(3, np.nan)
+    unit = np.linalg.inv((x - x_mean).T @ (x - x_mean))
+    return _AffineFit(
+        matrix,
+        offset,
+        np.sqrt(squares / len(x)),
+        condition,
+        variance[:, None, None] * unit,
+        np.sqrt(variance * (1.0 / len(x) + x_mean @ unit @ x_mean)),
+    )
 
 
 def _rows(name: str, value: ArrayLike) -> np.ndarray:

@@ -32,6 +32,8 @@ class MagCalibrator(lf.Node):
     class Params(lf.Params):
         """K, M and b of Eq. 6."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate mag` wrote; gives all that is needed here."""
         unit: Annotated[float, lf.Tesla] = Field(gt=0)
         """Flux density that `sensitivity` counts per: "50 uT" for an earth field; 1 for LSB/T."""
         sensitivity: lf.Vec3
@@ -89,6 +91,8 @@ class AccelCalibrator(lf.Node):
     class Params(lf.Params):
         """A and A0 of Eq. 8."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate accel` wrote; gives all that is needed here."""
         unit: Annotated[float, lf.MeterPerSecondSquared] = Field(gt=0)
         """Specific force that `gain` and `offset` count in: "1 g", or 1 for m/s^2."""
         gain: lf.Mat3
@@ -128,21 +132,60 @@ class GyroCalibrator(lf.Node):
     class Params(lf.Params):
         """K of Eq. 14."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate gyro` wrote; gives all that is needed here."""
         unit: Annotated[float, lf.RadPerSecond] = Field(gt=0)
         """Angular rate that `k` counts in: "1 deg/s", or 1 for rad/s."""
         k: tuple[lf.Vec3, lf.Vec3, lf.Vec3, lf.Vec3]
         """K: three rows of transposed gain, `unit` per LSB, and one of bias, `unit`."""
         body_axes: BodyAxes = "flu"
         """Body axes of the columns: x forward, y left, z up, or x forward, y right, z down."""
+        zero_rate: Annotated[lf.Vec3 | None, lf.Lsb] = None
+        """Output at rest, of each sensor axis; in the place of the bias in `k` if given."""
 
     example: ClassVar = {"unit": "1 deg/s", "k": chu2017.GYROSCOPE_K.tolist(), "body_axes": "frd"}
 
     def start(self) -> None:
         p = self.params
-        self.rate = into_body(error_models.gyroscope(p.k), p.unit, p.body_axes)
+        model = error_models.gyroscope(p.k)
+        if p.zero_rate is not None:
+            model = error_models.Affine(model.matrix, -(model.matrix @ p.zero_rate))
+        self.rate = into_body(model, p.unit, p.body_axes)
 
     def step(self, raw: lf.RawRate) -> lf.AngularRate:
         return lf.AngularRate(raw.t, self.rate(raw.counts))
+
+    step_block = step  # one expression serves a sample and a block, with the same bits
+
+
+class IronCalibrator(lf.Node):
+    """Remove hard and soft iron from a magnetometer that reads in tesla.
+
+    h = S (m - b), with the hard iron b and the soft iron's inverse S, which may also turn the
+    magnetometer's axes into the body's.
+    """
+
+    class Params(lf.Params):
+        """S and b."""
+
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate iron` wrote; gives all that is needed here."""
+        hard_iron: Annotated[lf.Vec3, lf.Tesla]
+        """b, of each sensor axis."""
+        soft_iron: lf.Mat3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        """S: rows are body axes, columns sensor axes."""
+
+    example: ClassVar = {
+        "hard_iron": [2e-6, -1e-6, 4e-6],
+        "soft_iron": [[1.02, 0.01, 0.0], [0.01, 0.98, -0.02], [0.0, -0.02, 1.01]],
+    }
+
+    def start(self) -> None:
+        soft_iron = self.params.soft_iron
+        self.field = error_models.Affine(soft_iron, -(soft_iron @ self.params.hard_iron))
+
+    def step(self, mag: lf.MagneticField) -> lf.MagneticField:
+        return lf.MagneticField(mag.t, self.field(mag.magnetic_field))
 
     step_block = step  # one expression serves a sample and a block, with the same bits
 

@@ -8,7 +8,7 @@ from lodeflow.clock import SimClock
 from lodeflow.testing import check_node, run_node
 from lodeflow_plugins.gravimetry.tilt.node import GravityLowPass, TiltCorrection, TiltErrorBudget
 from lodeflow_plugins.scoring.gravity_score.node import ScoreGravity
-from lodeflow_plugins.sources.simulated_platform import SimulatedPlatform
+from lodeflow_plugins.sources.tilting_platform import TiltingPlatform
 
 MGAL = 1e-5
 T = np.arange(600) * 500_000_000
@@ -82,7 +82,7 @@ def test_low_pass_of_a_correction_keeps_its_mean_and_its_stamps():
 def test_the_budget_predicts_what_noise_does():
     params = {"force": [0.134, 0.134, 9.8], "acceleration": [0.1325, 0.1325, 0.0]}
     noisy = list(
-        SimulatedPlatform(SimulatedPlatform.Params(**params, samples=40_000, noise=30 * MGAL)).read(
+        TiltingPlatform(TiltingPlatform.Params(**params, samples=40_000, noise=30 * MGAL)).read(
             SimClock()
         )
     )

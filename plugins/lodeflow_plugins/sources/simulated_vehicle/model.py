@@ -124,7 +124,7 @@ def truth(vehicle: Vehicle, seconds: ArrayLike) -> Truth:
     force = np.column_stack([motion.value(seconds) for motion in vehicle.shaking])
     force[:, 2] += vehicle.gravity
     field = vehicle.field * np.array([0.0, np.cos(vehicle.dip), -np.sin(vehicle.dip)])
-    quaternion, rate, body_force, body_field = _kinematics(euler, euler_rate, force, field)
+    quaternion, rate, body_force, body_field = kinematics(euler, euler_rate, force, field)
     return Truth(euler, quaternion, rate, body_force, body_field)
 
 
@@ -140,7 +140,7 @@ def _to_body(q: np.ndarray, x: float, y: float, z: float, out: np.ndarray) -> No
 
 
 @njit(cache=True)
-def _kinematics(
+def kinematics(
     euler: np.ndarray, euler_rate: np.ndarray, force: np.ndarray, field: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Attitude, angular rate, specific force and field in FLU; force (N, 3), field (3,) in ENU.

@@ -10,14 +10,14 @@ import lodeflow as lf
 
 
 class Ports(NamedTuple):
-    """Ports of `SimulatedPlatform`."""
+    """Ports of `TiltingPlatform`."""
 
     force: lf.SpecificForce
     acceleration: lf.Acceleration
     coriolis: lf.Acceleration
 
 
-class SimulatedPlatform(lf.Source):
+class TiltingPlatform(lf.Source):
     """Constant specific force and acceleration of a gravimeter's platform, with white noise.
 
     For what errors of observation do to a correction that squares them. The Coriolis acceleration

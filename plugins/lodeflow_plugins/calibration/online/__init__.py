@@ -1,0 +1,1 @@
+"""Hard iron of a magnetometer, estimated while running."""

@@ -1,0 +1,1 @@
+"""The kinds of `lodeflow calibrate` that come with lodeflow, and their figures."""
