@@ -113,6 +113,13 @@ class RadPerSecond(Unit):
     }
 
 
+class RateVariance(Unit):
+    """Variance of an angular rate."""
+
+    symbol = "rad²/s²"
+    accepts: ClassVar = {"rad^2/s^2": 1.0, "deg^2/s^2": (math.pi / 180) ** 2}
+
+
 class MeterPerSecondSquared(Unit):
     """Acceleration, specific force."""
 

@@ -12,6 +12,7 @@ from typing import Annotated, ClassVar
 from lodeflow.messages.fields import (
     GAPS,
     Int64,
+    Matrix3,
     Quaternion,
     Scalar,
     UInt8,
@@ -23,6 +24,7 @@ from lodeflow.messages.units import (
     MeterPerSecondSquared,
     Radian,
     RadPerSecond,
+    RateVariance,
     Tesla,
 )
 
@@ -83,6 +85,22 @@ class AngularRate(Message, ros="lodeflow_msgs/msg/AngularRate", frame="body"):
     """Angular rate of the body against inertial space, in the body frame."""
 
     angular_rate: Vector3[RadPerSecond]
+
+
+class GyroBias(Message, ros="lodeflow_msgs/msg/GyroBias", frame="body"):
+    """Estimated bias of the gyroscope: angular rate measured where there is none."""
+
+    bias: Vector3[RadPerSecond]
+    covariance: Matrix3[RateVariance]
+
+
+class Rest(Message, ros="lodeflow_msgs/msg/Rest", frame="body"):
+    """Whether the body is at rest, from each message on until the next."""
+
+    MOVING: ClassVar = 0
+    RESTING: ClassVar = 1
+
+    rest: UInt8
 
 
 class RawField(Message, ros="lodeflow_msgs/msg/RawField", frame="magnetometer"):
