@@ -94,7 +94,7 @@ def test_bias_is_found_in_motion_and_the_covariance_says_how_well():
     assert sigma[0] == pytest.approx([0.5, 0.5, 0.5])
     assert (sigma[-1] < 0.25).all()
     assert (np.abs(out["bias"].bias[-1] - bias) < sigma[-1] * DEGREE).all()
-    assert inclination_error(out["attitude"].quaternion, truth)[2000:].max() < 0.5
+    assert inclination_error(out["attitude"].quaternion, truth)[4000:].max() < 0.5
 
 
 def test_bias_is_found_at_rest_on_all_axes():
