@@ -34,6 +34,8 @@ from lodeflow.messages.fields import (
 from lodeflow.messages.message import Message
 from lodeflow.messages.units import (
     STANDARD_GRAVITY,
+    AngleRandomWalk,
+    AngleVariance,
     Dimensionless,
     Hertz,
     Lsb,
@@ -45,6 +47,8 @@ from lodeflow.messages.units import (
     RateVariance,
     Second,
     Tesla,
+    TeslaNoiseDensity,
+    TeslaRandomWalk,
     Unit,
 )
 from lodeflow.messages.vocabulary import (
@@ -55,6 +59,7 @@ from lodeflow.messages.vocabulary import (
     EulerAngles,
     GyroBias,
     Heading,
+    HeadingState,
     Imu,
     MagneticField,
     Mode,
@@ -75,6 +80,8 @@ __version__ = "0.1.0"
 __all__ = [
     "GAPS",
     "STANDARD_GRAVITY",
+    "AngleRandomWalk",
+    "AngleVariance",
     "AngularRate",
     "Array",
     "Attitude",
@@ -90,6 +97,7 @@ __all__ = [
     "GraphError",
     "GyroBias",
     "Heading",
+    "HeadingState",
     "Hertz",
     "Hold",
     "Imu",
@@ -127,6 +135,8 @@ __all__ = [
     "Sparse",
     "SpecificForce",
     "Tesla",
+    "TeslaNoiseDensity",
+    "TeslaRandomWalk",
     "UInt8",
     "UInt32",
     "Unit",

@@ -21,6 +21,7 @@ def lodeflow_nodes() -> dict[str, str]:
         "quaternion_kalman": f"{kalman}:QuaternionKalman",
         "chu_fuser": f"{kalman}:ChuFuser",
         "inertial_attitude": f"{here}.fusion.inertial_attitude.node:InertialAttitude",
+        "heading_kalman": f"{here}.fusion.heading_kalman.node:HeadingKalman",
         "heading_from_attitude": f"{here}.fusion.heading_from_attitude:HeadingFromAttitude",
         "attitude_score": f"{here}.scoring.attitude_score.node:ScoreAttitude",
     }

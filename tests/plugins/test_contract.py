@@ -11,7 +11,8 @@ from lodeflow.testing import check_node
 
 BUNDLED = {
     "accel_calibrator", "attitude_score", "broad_trial", "chu_fuser", "csv", "gyro_calibrator",
-    "heading_from_attitude", "imu_combiner", "inertial_attitude", "mag_calibrator",
+    "heading_from_attitude", "heading_kalman", "imu_combiner", "inertial_attitude",
+    "mag_calibrator",
     "quaternion_kalman",
     "recorded_sensors", "simulated_vehicle", "tilt_compass",
 }  # fmt: skip

@@ -20,11 +20,14 @@ from lodeflow.messages.fields import (
 )
 from lodeflow.messages.message import Message
 from lodeflow.messages.units import (
+    AngleVariance,
+    Dimensionless,
     Lsb,
     MeterPerSecondSquared,
     Radian,
     RadPerSecond,
     RateVariance,
+    Second,
     Tesla,
 )
 
@@ -101,6 +104,25 @@ class Rest(Message, ros="lodeflow_msgs/msg/Rest", frame="body"):
     RESTING: ClassVar = 1
 
     rest: UInt8
+
+
+class HeadingState(Message, ros="lodeflow_msgs/msg/HeadingState", frame="earth"):
+    """What a heading filter believes of its heading and of the magnetic field around it."""
+
+    variance: Scalar[AngleVariance]
+    """Of the heading; pi^2 / 3 where nothing is known."""
+    disturbance: Vector3[Tesla]
+    """Of the field, to the east, north and up."""
+    level: Scalar[Dimensionless]
+    """Mean square of the disturbance relative to the usual one; the heading coasts above one."""
+    magnetometer_lag: Scalar[Second]
+    """By how much the magnetometer is behind the attitude."""
+    hard_iron: Vector3[Tesla]
+    """Field of a magnet on the body, in the body frame."""
+    horizontal: Scalar[Tesla]
+    """The undisturbed field to the north."""
+    vertical: Scalar[Tesla]
+    """The undisturbed field upwards."""
 
 
 class RawField(Message, ros="lodeflow_msgs/msg/RawField", frame="magnetometer"):

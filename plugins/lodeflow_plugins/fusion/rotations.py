@@ -48,6 +48,12 @@ def multiply(a: Rotation, b: Rotation) -> Rotation:
 
 
 @njit(cache=True)
+def conjugate(q: Rotation) -> Rotation:
+    """Return q*, the turn back."""
+    return -q[0], -q[1], -q[2], q[3]
+
+
+@njit(cache=True)
 def matrix(q: Rotation) -> Matrix:
     """Return the rotation matrix of q, by rows."""
     x, y, z, w = q
