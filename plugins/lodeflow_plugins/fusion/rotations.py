@@ -9,24 +9,27 @@ import math
 import numpy as np
 from numba import njit
 
+kernel = njit(cache=True, error_model="numpy")
+"""Compile, kept on disk; a division by zero is infinite and not an exception, which is faster."""
+
 Vector = tuple[float, float, float]
 Rotation = tuple[float, float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
 
 
-@njit(cache=True)
+@kernel
 def three(a: np.ndarray, at: int) -> Vector:
     """Return the vector at an index of an array."""
     return a[at], a[at + 1], a[at + 2]
 
 
-@njit(cache=True)
+@kernel
 def four(a: np.ndarray, at: int) -> Rotation:
     """Return the quaternion at an index of an array."""
     return a[at], a[at + 1], a[at + 2], a[at + 3]
 
 
-@njit(cache=True)
+@kernel
 def nine(a: np.ndarray, at: int) -> Matrix:
     """Return the matrix at an index of an array."""
     return (
@@ -36,7 +39,7 @@ def nine(a: np.ndarray, at: int) -> Matrix:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def multiply(a: Rotation, b: Rotation) -> Rotation:
     """Return the quaternion product a b, normalised."""
     x = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1]
@@ -47,13 +50,13 @@ def multiply(a: Rotation, b: Rotation) -> Rotation:
     return scale * x, scale * y, scale * z, scale * w
 
 
-@njit(cache=True)
+@kernel
 def conjugate(q: Rotation) -> Rotation:
     """Return q*, the turn back."""
     return -q[0], -q[1], -q[2], q[3]
 
 
-@njit(cache=True)
+@kernel
 def matrix(q: Rotation) -> Matrix:
     """Return the rotation matrix of q, by rows."""
     x, y, z, w = q
@@ -70,7 +73,7 @@ def matrix(q: Rotation) -> Matrix:
     )
 
 
-@njit(cache=True)
+@kernel
 def apply(r: Matrix, v: Vector) -> Vector:
     """Return R v."""
     return (
@@ -80,7 +83,7 @@ def apply(r: Matrix, v: Vector) -> Vector:
     )
 
 
-@njit(cache=True)
+@kernel
 def upright(v: Vector) -> tuple[Rotation, float, float]:
     """Return the shortest turn of v to the vertical, and x and y of the unit vector along v."""
     scale = 1.0 / math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -91,7 +94,7 @@ def upright(v: Vector) -> tuple[Rotation, float, float]:
     return (1.0, 0.0, 0.0, 0.0), x, y  # upside down: about x, as good as any
 
 
-@njit(cache=True)
+@kernel
 def inverse(s: Matrix) -> Matrix:
     """Return S^-1 for a symmetric positive definite S."""
     a, b, c = s[4] * s[8] - s[5] * s[5], s[2] * s[5] - s[1] * s[8], s[1] * s[5] - s[2] * s[4]
@@ -100,7 +103,7 @@ def inverse(s: Matrix) -> Matrix:
     return a * d, b * d, c * d, b * d, e * d, f * d, c * d, f * d, g * d
 
 
-@njit(cache=True)
+@kernel
 def product(a: Matrix, b: Matrix) -> Matrix:
     """Return A B."""
     return (
@@ -116,7 +119,7 @@ def product(a: Matrix, b: Matrix) -> Matrix:
     )
 
 
-@njit(cache=True)
+@kernel
 def transposed(a: Matrix) -> Matrix:
     """Return A^T."""
     return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]

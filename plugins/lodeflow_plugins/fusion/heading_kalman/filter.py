@@ -7,7 +7,6 @@ is turned by the heading that it knows, so that a step for every fifth sample is
 import math
 
 import numpy as np
-from numba import njit
 
 from lodeflow_plugins.fusion.heading_kalman.kalman import (
     BELIEFS,
@@ -29,6 +28,7 @@ from lodeflow_plugins.fusion.rotations import (
     apply,
     conjugate,
     four,
+    kernel,
     matrix,
     multiply,
     three,
@@ -119,7 +119,7 @@ def constants(
     )
 
 
-@njit(cache=True)
+@kernel
 def step(constants: np.ndarray, state: np.ndarray, x: np.ndarray) -> None:
     """Use the fields since the last step."""
     scale = 1.0 / state[COUNT]
@@ -145,7 +145,7 @@ def step(constants: np.ndarray, state: np.ndarray, x: np.ndarray) -> None:
         begin(three(state, MEAN_FIELD), constants, x)
 
 
-@njit(cache=True)
+@kernel
 def gather(m: Vector, constants: np.ndarray, state: np.ndarray, x: np.ndarray) -> None:
     """Take a field in the body's frame; step when there has been time enough."""
     last = three(state, FIELD)
@@ -168,7 +168,7 @@ def gather(m: Vector, constants: np.ndarray, state: np.ndarray, x: np.ndarray) -
         step(constants, state, x)
 
 
-@njit(cache=True)
+@kernel
 def take(
     interval: int,
     has_attitude: bool,
@@ -212,7 +212,7 @@ def take(
     return q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
 
 
-@njit(cache=True)
+@kernel
 def run(
     t: np.ndarray,
     attitude: np.ndarray,
@@ -262,7 +262,7 @@ def run(
     return reported
 
 
-@njit(cache=True)
+@kernel
 def report_of(constants: np.ndarray, state: np.ndarray) -> np.ndarray:
     """What `kalman.report` says after the last row, (11,)."""
     out = np.empty(REPORTED)
@@ -270,7 +270,7 @@ def report_of(constants: np.ndarray, state: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def run_one(
     t: int,
     has_attitude: bool,

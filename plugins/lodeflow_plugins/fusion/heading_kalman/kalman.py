@@ -34,9 +34,16 @@ disturbance as a state, Roetenberg et al. 2005, IEEE Trans. Neural Syst. Rehabil
 import math
 
 import numpy as np
-from numba import njit
 
-from lodeflow_plugins.fusion.rotations import Matrix, Vector, apply, inverse, three, transposed
+from lodeflow_plugins.fusion.rotations import (
+    Matrix,
+    Vector,
+    apply,
+    inverse,
+    kernel,
+    three,
+    transposed,
+)
 
 # What the filter remembers, a part of the state of `filter.run`.
 DELTA, DRIFT, NORTH, UP, DISTURBANCE, LAG, SIZE = 0, 1, 2, 3, 4, 7, 8  # the states
@@ -59,7 +66,7 @@ LARGE, REMAINING = 1.5**2, 0.7**2  # mean square over `disturbance`^2 that is te
 CARRIED_AT_LEAST, STANDING_AT_MOST = 0.8, 0.5  # squares of mean lengths over the mean square
 
 
-@njit(cache=True)
+@kernel
 def begin(field: Vector, constants: np.ndarray, x: np.ndarray) -> None:
     """Start from the mean field in the attitude's frame, or from the one that is expected."""
     for i in range(BELIEFS):
@@ -81,7 +88,7 @@ def begin(field: Vector, constants: np.ndarray, x: np.ndarray) -> None:
     x[LEVEL] = 1.0
 
 
-@njit(cache=True)
+@kernel
 def predict(seconds: float, constants: np.ndarray, x: np.ndarray) -> None:
     """Let delta drift and the disturbance decay for a time."""
     decay_drift = math.exp(-seconds / constants[2])
@@ -111,7 +118,7 @@ def predict(seconds: float, constants: np.ndarray, x: np.ndarray) -> None:
         x[P + 9 * i] += noise
 
 
-@njit(cache=True)
+@kernel
 def turned(v: Vector, w: Vector) -> Vector:
     """Return v turned by the rotation vector w (Rodrigues)."""
     angle = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
@@ -127,7 +134,7 @@ def turned(v: Vector, w: Vector) -> Vector:
     )
 
 
-@njit(cache=True)
+@kernel
 def seen(x: np.ndarray, at: int, by_state: tuple[Vector, Vector, Vector]) -> Vector:
     """Return H v for the v (8,) at an index of x; by_state: columns of H for delta, H and tau."""
     delta, north, lag = by_state
@@ -141,7 +148,7 @@ def seen(x: np.ndarray, at: int, by_state: tuple[Vector, Vector, Vector]) -> Vec
     )
 
 
-@njit(cache=True)
+@kernel
 def correct(y: Vector, w: Vector, seconds: float, constants: np.ndarray, x: np.ndarray) -> None:
     """Correct with the mean field y and the mean rate w, in the attitude's frame, over a time."""
     y = turned(y, (-x[LAG] * w[0], -x[LAG] * w[1], -x[LAG] * w[2]))
@@ -195,13 +202,13 @@ def correct(y: Vector, w: Vector, seconds: float, constants: np.ndarray, x: np.n
         x[DELTA] -= 2.0 * math.pi * math.floor(x[DELTA] / (2.0 * math.pi) + 0.5)
 
 
-@njit(cache=True)
+@kernel
 def square(v: Vector) -> float:
     """Return |v|^2."""
     return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 
 
-@njit(cache=True)
+@kernel
 def look_for_magnet(r: Matrix, seconds: float, constants: np.ndarray, x: np.ndarray) -> None:
     """Move what the body carries from the disturbance to the hard iron; r: attitude <- body."""
     weight = min(1.0, seconds / constants[17])
@@ -236,7 +243,7 @@ def look_for_magnet(r: Matrix, seconds: float, constants: np.ndarray, x: np.ndar
         x[P + 9 * i] = constants[4]
 
 
-@njit(cache=True)
+@kernel
 def report(since: float, constants: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
     """Write what the filter believes, `since` s after the last step, into out (11,).
 
@@ -245,13 +252,17 @@ def report(since: float, constants: np.ndarray, x: np.ndarray, out: np.ndarray) 
 
     The variance is that of the Kalman filter with two additions, for a disturbance that lasts
     longer than the filter takes it to: it is multiplied by a level above one, and the angle by
-    which a standing disturbance would turn north if it were horizontal is added, because a part
-    of it that turns north shows as an error of the heading instead.
+    which a standing disturbance (and a field that is not the expected one) would turn north if it
+    were horizontal is added: what turns north hides in the heading, so it may be as large.
     """
     drifting = min(since, constants[2])
     variance = x[P] + 2.0 * drifting * x[P + DRIFT] + drifting * drifting * x[P + 9 * DRIFT]
     variance = (variance + since * constants[0]) * max(x[LEVEL], 1.0)
-    variance += math.atan2(math.sqrt(square(three(x, STANDING))), abs(x[NORTH])) ** 2
+    wrong = square(three(x, STANDING))
+    if not math.isnan(constants[14]):
+        north, up = x[NORTH] - constants[14], x[UP] - constants[15]
+        wrong += max(north * north + up * up - constants[16], 0.0)
+    variance += math.atan2(math.sqrt(wrong), abs(x[NORTH])) ** 2
     out[0] = min(variance, UNKNOWN)
     sin, cos = math.sin(x[DELTA]), math.cos(x[DELTA])
     d = three(x, DISTURBANCE)

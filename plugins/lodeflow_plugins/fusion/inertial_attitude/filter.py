@@ -17,7 +17,6 @@ in I, where a body that moves about and comes back has no mean acceleration.
 import math
 
 import numpy as np
-from numba import njit
 
 from lodeflow_plugins.fusion.rotations import (
     Matrix,
@@ -26,6 +25,7 @@ from lodeflow_plugins.fusion.rotations import (
     apply,
     four,
     inverse,
+    kernel,
     matrix,
     multiply,
     nine,
@@ -127,13 +127,13 @@ def bias_of(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return state[BIAS : BIAS + 3].copy(), state[COVARIANCE : COVARIANCE + 9].reshape(3, 3).copy()
 
 
-@njit(cache=True)
+@kernel
 def coefficient(interval: float, time_constant: float) -> float:
     """tan(w interval / 2) for w = sqrt(2) / time_constant; where it cannot filter, it follows."""
     return math.tan(min(interval / (math.sqrt(2.0) * time_constant), 1.25))
 
 
-@njit(cache=True)
+@kernel
 def low_pass(
     state: np.ndarray,
     bank: int,
@@ -167,13 +167,13 @@ def low_pass(
             state[before + i] = state[SCRATCH + i]
 
 
-@njit(cache=True)
+@kernel
 def limited(value: float, limit: float) -> float:
     """Return the value, held within +-limit."""
     return min(max(value, -limit), limit)
 
 
-@njit(cache=True)
+@kernel
 def correct_bias(state: np.ndarray, h: Matrix, e: Vector, variance: Vector, limit: float) -> None:
     """Kalman update of the bias and its covariance.
 
@@ -200,7 +200,7 @@ def correct_bias(state: np.ndarray, h: Matrix, e: Vector, variance: Vector, limi
         state[COVARIANCE + i] -= 0.5 * (loss[i] + transposed(loss)[i])
 
 
-@njit(cache=True)
+@kernel
 def advance(
     interval: float,
     rate: Vector,
@@ -289,7 +289,7 @@ def advance(
     correct_bias(state, h, e, (variance, variance, vertical), limit)
 
 
-@njit(cache=True)
+@kernel
 def begin_anew(state: np.ndarray, interval: float, constants: np.ndarray) -> None:
     """Forget after a gap of `interval` ns whatever took motion to be known; keep the bias."""
     state[STILL] = state[RESTING] = 0.0
@@ -299,7 +299,7 @@ def begin_anew(state: np.ndarray, interval: float, constants: np.ndarray) -> Non
         state[i] = min(state[i] + 1e-9 * interval * constants[7], constants[6])
 
 
-@njit(cache=True)
+@kernel
 def take(
     interval: int, rate: Vector, force: Vector, constants: np.ndarray, state: np.ndarray
 ) -> Rotation:
@@ -331,7 +331,7 @@ def take(
     return q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
 
 
-@njit(cache=True)
+@kernel
 def run(
     t: np.ndarray,
     rate: np.ndarray,
@@ -385,7 +385,7 @@ def run(
     return reported, changed
 
 
-@njit(cache=True)
+@kernel
 def run_one(
     t: int, rate: np.ndarray, force: np.ndarray, constants: np.ndarray, state: np.ndarray
 ) -> np.ndarray:
