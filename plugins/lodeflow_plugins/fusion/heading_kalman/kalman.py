@@ -68,16 +68,13 @@ CARRIED_AT_LEAST, STANDING_AT_MOST = 0.8, 0.5  # squares of mean lengths over th
 
 @kernel
 def begin(field: Vector, constants: np.ndarray, x: np.ndarray) -> None:
-    """Start from the mean field in the attitude's frame, or from the one that is expected."""
+    """Start from the mean field in the attitude's frame."""
     for i in range(BELIEFS):
         x[i] = 0.0
     north = math.hypot(field[0], field[1])
     x[DELTA] = math.atan2(field[0], field[1])
     x[NORTH], x[UP] = north, field[2]
     x[P + 9 * NORTH] = x[P + 9 * UP] = START_FIELD
-    if not math.isnan(constants[14]):
-        x[NORTH], x[UP] = constants[14], constants[15]
-        x[P + 9 * NORTH] = x[P + 9 * UP] = constants[16]
     x[P] = UNKNOWN
     if constants[4] < UNKNOWN * north * north:
         x[P] = min(START_HEADING + constants[4] / (north * north), UNKNOWN)

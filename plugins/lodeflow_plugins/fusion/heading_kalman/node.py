@@ -74,7 +74,8 @@ class HeadingKalman(lf.Node):
         update_interval: Annotated[float, lf.Second] = Field(0.0175, ge=0)
         """Least time between two steps of the filter, in which the fields are averaged."""
         expected_norm: Annotated[float | None, lf.Tesla] = Field(None, gt=0)
-        """Strength of the earth's field at the place, if known; with expected_dip."""
+        """Strength of the earth's field at the place, if known; with expected_dip. A field that is
+        another makes the variance larger, and the heading no other."""
         expected_dip: Annotated[float | None, lf.Radian] = Field(
             None, ge=-math.pi / 2, le=math.pi / 2
         )

@@ -20,7 +20,7 @@ FIGURES = {
     "25_disturbed_tapping_B": (1.66, 1.61, 0.38),
     "27_disturbed_phone_vibration_B": (6.75, 6.74, 0.37),
     "31_disturbed_stationary_magnet_D": (1.77, 1.35, 1.14),
-    "34_disturbed_attached_magnet_3cm": (1.04, 0.80, 0.65),
+    "34_disturbed_attached_magnet_3cm": (1.04, 0.81, 0.65),
 }
 
 
