@@ -20,6 +20,7 @@ def lodeflow_nodes() -> dict[str, str]:
         "tilt_compass": f"{here}.fusion.tilt_compass.node:TiltCompass",
         "quaternion_kalman": f"{kalman}:QuaternionKalman",
         "chu_fuser": f"{kalman}:ChuFuser",
+        "attitude_fuser": f"{here}.fusion.attitude_fuser:AttitudeFuser",
         "inertial_attitude": f"{here}.fusion.inertial_attitude.node:InertialAttitude",
         "heading_kalman": f"{here}.fusion.heading_kalman.node:HeadingKalman",
         "heading_from_attitude": f"{here}.fusion.heading_from_attitude:HeadingFromAttitude",

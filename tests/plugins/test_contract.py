@@ -10,7 +10,8 @@ from lodeflow.supervisor.run import run
 from lodeflow.testing import check_node
 
 BUNDLED = {
-    "accel_calibrator", "attitude_score", "broad_trial", "chu_fuser", "csv", "gyro_calibrator",
+    "accel_calibrator", "attitude_fuser", "attitude_score", "broad_trial", "chu_fuser", "csv",
+    "gyro_calibrator",
     "heading_from_attitude", "heading_kalman", "imu_combiner", "inertial_attitude",
     "mag_calibrator",
     "quaternion_kalman",

@@ -16,6 +16,7 @@ from lodeflow.supervisor.run import run
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 HEADING, BROAD = GRAPHS / "heading.yaml", GRAPHS / "broad.yaml"
+ATTITUDE = GRAPHS / "attitude.yaml"
 
 
 def lodeflow(folder, *arguments):
@@ -85,7 +86,7 @@ def test_heading_on_the_command_line(tmp_path):
     assert "score: heading max" in shown.stdout
 
 
-@pytest.mark.parametrize("graph", [HEADING, BROAD], ids=["heading", "broad"])
+@pytest.mark.parametrize("graph", [HEADING, BROAD, ATTITUDE], ids=lambda path: path.stem)
 def test_the_graph_checks(tmp_path, graph):
     done = lodeflow(tmp_path, "check", graph)
     assert done.returncode == 0, done.stderr
@@ -100,6 +101,13 @@ def test_broad_on_simulated_data(tmp_path):
     assert score.samples == 1000
     assert score.missing == 0
     assert np.degrees(score.total_rmse) < 3.0
+    # The filter of the paper against the two stages, in two nodes and in one.
+    in_two = scored(ATTITUDE, args=[f"recording={recording}"], sets=sets)
+    in_one = scored(
+        BROAD, args=[f"recording={recording}"], sets=sets, swaps=["fuser=attitude_fuser"]
+    )
+    assert in_one == in_two
+    assert np.degrees(in_one.total_rmse) < 1.5
 
 
 @broad_figures.needs_data

@@ -133,23 +133,37 @@ class HeadingKalman(lf.Node):
     def step_block(
         self, attitude: lf.Sparse[lf.Attitude], mag: lf.Sparse[lf.MagneticField]
     ) -> Estimates:
-        n = len(attitude.values)
-        out, believed = np.empty((n, 4)), np.empty((n, heading.REPORTED))
-        reports = np.empty(n, np.int64)
-        reported = heading.run(
-            attitude.t,
-            attitude.values.quaternion,
-            attitude.rows,
-            mag.values.magnetic_field,
-            mag.rows,
-            self.constants,
-            self.state,
-            out,
-            believed,
-            reports,
-        )
+        out, believed, reports = headed(attitude, mag, self.constants, self.state)
         t = attitude.values.t
-        return Estimates(lf.Attitude(t, out), message(t[reports[:reported]], believed[:reported]))
+        return Estimates(lf.Attitude(t, out), message(t[reports], believed))
+
+
+def headed(
+    attitude: lf.Sparse[lf.Attitude],
+    mag: lf.Sparse[lf.MagneticField],
+    constants: np.ndarray,
+    state: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Run the filter on a block.
+
+    Returns attitude (A, 4), the reports (R, 11), and the attitudes (R,) that they belong to.
+    """
+    n = len(attitude.values)
+    out, believed = np.empty((n, 4)), np.empty((n, heading.REPORTED))
+    reports = np.empty(n, np.int64)
+    reported = heading.run(
+        attitude.t,
+        attitude.values.quaternion,
+        attitude.rows,
+        mag.values.magnetic_field,
+        mag.rows,
+        constants,
+        state,
+        out,
+        believed,
+        reports,
+    )
+    return out, believed[:reported], reports[:reported]
 
 
 def message(t: int | np.ndarray, believed: np.ndarray) -> lf.HeadingState:

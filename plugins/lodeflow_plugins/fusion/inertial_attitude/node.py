@@ -70,8 +70,12 @@ class InertialAttitude(lf.Node):
         report_interval: Annotated[float, lf.Second] = Field(0.1, ge=0)
         """Between two messages of `bias`; 0 for one with each sample."""
 
+        def constants(self) -> np.ndarray:
+            """Constants of the compiled filter."""
+            return inertial.constants(**self.model_dump())
+
     def start(self) -> None:
-        self.constants = inertial.constants(**self.params.model_dump())
+        self.constants = self.params.constants()
         self.state = inertial.new_state()
         self.step_block(lf.Imu.empty())  # compiles
         inertial.run_one(0, np.zeros(3), np.zeros(3), self.constants, inertial.new_state())
@@ -89,25 +93,37 @@ class InertialAttitude(lf.Node):
         return Estimates(lf.Attitude(t, quaternion), bias, rest)
 
     def step_block(self, imu: lf.Imu) -> Estimates:
-        n = len(imu)
-        attitude, bias, covariance = np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3, 3))
-        resting, reports, changes = [np.empty(n, np.int64) for _ in range(3)]
-        reported, changed = inertial.run(
-            imu.t,
-            imu.angular_velocity,
-            imu.linear_acceleration,
-            self.constants,
-            self.state,
-            attitude,
-            bias,
-            covariance,
-            resting,
-            reports,
-            changes,
+        attitude, bias, covariance, resting, reports, changes = levelled(
+            imu, self.constants, self.state
         )
-        reports, changes = reports[:reported], changes[:changed]
         return Estimates(
             lf.Attitude(imu.t, attitude),
-            lf.GyroBias(imu.t[reports], bias[:reported].copy(), covariance[:reported].copy()),
-            lf.Rest(imu.t[changes], resting[:changed].copy()),
+            lf.GyroBias(imu.t[reports], bias, covariance),
+            lf.Rest(imu.t[changes], resting),
         )
+
+
+def levelled(imu: lf.Imu, constants: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Run the filter on a block.
+
+    Returns attitude (N, 4); bias (R, 3) and covariance (R, 3, 3) of the reports; resting (C,) of
+    the changes; the rows of the reports (R,) and of the changes (C,).
+    """
+    n = len(imu)
+    attitude, bias, covariance = np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3, 3))
+    resting, reports, changes = [np.empty(n, np.int64) for _ in range(3)]
+    reported, changed = inertial.run(
+        imu.t,
+        imu.angular_velocity,
+        imu.linear_acceleration,
+        constants,
+        state,
+        attitude,
+        bias,
+        covariance,
+        resting,
+        reports,
+        changes,
+    )
+    of_reports = [column[:reported].copy() for column in (bias, covariance)]
+    return attitude, *of_reports, resting[:changed].copy(), reports[:reported], changes[:changed]
