@@ -36,6 +36,9 @@ from lodeflow.graph.model import Graph, GraphNode, Wire
 from lodeflow.runtime.blocks import BlockDriver
 from lodeflow.runtime.plan import Plan
 from lodeflow.runtime.samples import SampleDriver
+from lodeflow_plugins.fusion.attitude_fuser import AttitudeFuser
+from lodeflow_plugins.fusion.heading_kalman.node import HeadingKalman
+from lodeflow_plugins.fusion.inertial_attitude.node import InertialAttitude
 from lodeflow_plugins.fusion.quaternion_kalman import filter as kalman
 from lodeflow_plugins.fusion.quaternion_kalman.fuse import fuse
 from lodeflow_plugins.fusion.quaternion_kalman.node import ChuFuser, QuaternionKalman
@@ -155,6 +158,59 @@ def started(plugin: type[lf.Node], second: str) -> tuple[Plan, list]:
     return plan, sent
 
 
+def two_stages() -> tuple[Plan, list]:
+    """The graph of the two attitude stages, and what it sends."""
+    nodes = {
+        "hand": GraphNode("hand", "Hand", Hand, Hand.Params()),
+        "inclination": GraphNode(
+            "inclination",
+            "InertialAttitude",
+            InertialAttitude,
+            InertialAttitude.Params(),
+            {"imu": Wire("hand", "imu")},
+        ),
+        "heading": GraphNode(
+            "heading",
+            "HeadingKalman",
+            HeadingKalman,
+            HeadingKalman.Params(),
+            {"attitude": Wire("inclination", "attitude"), "mag": Wire("hand", "mag")},
+        ),
+    }
+    plan = Plan(Graph("bench", nodes))
+    sent: list = []
+    plan.tap(Wire("heading", "attitude"), sent.append)
+    plan.start()
+    return plan, sent
+
+
+def stages_in_blocks(pieces: Pieces) -> None:
+    plan, sent = two_stages()
+    push = BlockDriver(plan).push
+    for imu, mag in zip(pieces.imu, pieces.mag, strict=True):
+        push("hand", [(0, imu), (1, mag)], int(imu.t[-1]) + 1)
+    assert sum(map(len, sent)) == pieces.samples
+
+
+def stages_by_samples(pieces: Pieces) -> None:
+    plan, sent = two_stages()
+    push = SampleDriver(plan).push
+    for imu, mag in zip(pieces.imu, pieces.mag, strict=True):
+        push("hand", 0, imu)
+        push("hand", 1, mag)
+    assert len(sent) == pieces.samples
+
+
+def stages_alone(pieces: Pieces) -> None:
+    """Both kernels, without nodes."""
+    fuser = AttitudeFuser()
+    fuser.start()
+    index = pieces.index
+    for imu, mag in zip(pieces.imu, pieces.mag, strict=True):
+        rows = index[: len(imu)]
+        fuser.step_block(lf.Sparse(imu, rows, imu.t), lf.Sparse(mag, rows, imu.t))
+
+
 def node_in_blocks(plugin: type[lf.Node], second: str) -> Callable[[Pieces], None]:
     port = Sensors._fields.index(second)
 
@@ -256,6 +312,9 @@ def main() -> None:
                 "fused": run_fused,
                 "node quaternion_kalman": node_in_blocks(QuaternionKalman, "attitude"),
                 "node chu_fuser": node_in_blocks(ChuFuser, "mag"),
+                "two stages, plain calls": stages_alone,
+                "two stages, two nodes": stages_in_blocks,
+                "node attitude_fuser": node_in_blocks(AttitudeFuser, "mag"),
             },
             blocks,
             args.rounds,
@@ -269,6 +328,8 @@ def main() -> None:
                 "source alone": source_by_samples,
                 "node quaternion_kalman": node_by_samples(QuaternionKalman, "attitude"),
                 "node chu_fuser": node_by_samples(ChuFuser, "mag"),
+                "two stages, two nodes": stages_by_samples,
+                "node attitude_fuser": node_by_samples(AttitudeFuser, "mag"),
                 "imufusion": run_imufusion,
                 "ahrs madgwick": run_madgwick,
             },

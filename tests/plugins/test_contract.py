@@ -11,8 +11,11 @@ from lodeflow.testing import check_node
 from lodeflow_plugins.sources import airborne_line
 
 BUNDLED = {
-    "accel_calibrator", "attitude_score", "broad_trial", "chu_fuser", "csv", "gyro_calibrator",
-    "heading_from_attitude", "imu_combiner", "mag_calibrator", "quaternion_kalman",
+    "accel_calibrator", "attitude_fuser", "attitude_score", "broad_trial", "chu_fuser", "csv",
+    "gyro_calibrator",
+    "heading_from_attitude", "heading_kalman", "imu_combiner", "inertial_attitude",
+    "mag_calibrator",
+    "quaternion_kalman",
     "recorded_sensors", "simulated_vehicle", "tilt_compass",
     "acceleration_peak_steps", "airborne_line", "amvd_steps", "ared_steps",
     "autocorrelation_steps", "disturbing_gravity", "eotvos", "euler_to_geographic",

@@ -13,7 +13,6 @@ import lodeflow as lf
 from lodeflow.cli.output import score_lines
 from lodeflow.graph import load_graph
 from lodeflow.recording.reader import Recording
-from lodeflow.registry import registry
 from lodeflow.supervisor.run import run
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
@@ -22,9 +21,8 @@ needs_gravity, needs_steps = (
     pytest.mark.skipif(DATA is None, reason=f"LODEFLOW_DATA does not name a folder with {name}/")
     for name in ("gravity", "steps")
 )
-ATTITUDE = "inertial_attitude" in registry().nodes
-needs_attitude = pytest.mark.skipif(not ATTITUDE, reason="there is no inertial_attitude")
 HEADING, BROAD = GRAPHS / "heading.yaml", GRAPHS / "broad.yaml"
+ATTITUDE = GRAPHS / "attitude.yaml"
 
 
 def lodeflow(folder, *arguments):
@@ -96,8 +94,6 @@ def test_heading_on_the_command_line(tmp_path):
 
 @pytest.mark.parametrize("graph", sorted(GRAPHS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_graph_checks(tmp_path, graph):
-    if graph.stem in ("steps", "pedestrian") and not ATTITUDE:
-        pytest.skip("there is no inertial_attitude")
     done = lodeflow(tmp_path, "check", graph)
     assert done.returncode == 0, done.stderr
 
@@ -111,6 +107,13 @@ def test_broad_on_simulated_data(tmp_path):
     assert score.samples == 1000
     assert score.missing == 0
     assert np.degrees(score.total_rmse) < 3.0
+    # The filter of the paper against the two stages, in two nodes and in one.
+    in_two = scored(ATTITUDE, args=[f"recording={recording}"], sets=sets)
+    in_one = scored(
+        BROAD, args=[f"recording={recording}"], sets=sets, swaps=["fuser=attitude_fuser"]
+    )
+    assert in_one == in_two
+    assert np.degrees(in_one.total_rmse) < 1.5
 
 
 @broad_figures.needs_data
@@ -152,7 +155,6 @@ def test_gravimetry(tmp_path, line, omission):
     assert scores["approximation"]["maximum"] < 0.003e-5
 
 
-@needs_attitude
 @needs_steps
 def test_steps_and_tracks(tmp_path):
     file = Path(DATA) / "steps" / "2017-11-22-11-35-59.npz"
@@ -170,7 +172,6 @@ def test_steps_and_tracks(tmp_path):
     assert found["step_track_score"]["rms_share"] < 0.03
 
 
-@needs_attitude
 def test_step_counters_see_the_same_in_blocks_and_in_samples(tmp_path):
     rng = np.random.default_rng(0)
     swing = np.clip((np.arange(2400) / 200 % 1.2 - 0.5) / 0.7, 0.0, 1.0)

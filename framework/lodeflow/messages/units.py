@@ -129,6 +129,33 @@ class RadPerSecond(Unit):
     }
 
 
+class AngleVariance(Unit):
+    """Variance of an angle."""
+
+    symbol = "rad²"
+    accepts: ClassVar = {"rad^2": 1.0, "deg^2": (math.pi / 180) ** 2}
+
+
+class AngleRandomWalk(Unit):
+    """Standard deviation of an angle that wanders, per square root of the time."""
+
+    symbol = "rad/√s"
+    accepts: ClassVar = {
+        "rad/sqrt(s)": 1.0,
+        "deg/√s": math.pi / 180,
+        "deg/sqrt(s)": math.pi / 180,
+        "deg/√h": math.pi / 180 / 60,
+        "deg/sqrt(h)": math.pi / 180 / 60,
+    }
+
+
+class RateVariance(Unit):
+    """Variance of an angular rate."""
+
+    symbol = "rad²/s²"
+    accepts: ClassVar = {"rad^2/s^2": 1.0, "deg^2/s^2": (math.pi / 180) ** 2}
+
+
 class MeterPerSecondSquared(Unit):
     """Acceleration, specific force."""
 
@@ -169,6 +196,20 @@ class Tesla(Unit):
         "mG": 1e-7,
         "gauss": 1e-4,
     }
+
+
+class TeslaRandomWalk(Unit):
+    """Standard deviation of a field that wanders, per square root of the time."""
+
+    symbol = "T/√s"
+    accepts: ClassVar = {"T/sqrt(s)": 1.0, "uT/√s": 1e-6, "µT/√s": 1e-6, "uT/sqrt(s)": 1e-6}
+
+
+class TeslaNoiseDensity(Unit):
+    """Noise of a magnetometer, per square root of the bandwidth."""
+
+    symbol = "T/√Hz"
+    accepts: ClassVar = {"T/sqrt(Hz)": 1.0, "nT/√Hz": 1e-9, "nT/sqrt(Hz)": 1e-9, "uT/√Hz": 1e-6}
 
 
 class Second(Unit):

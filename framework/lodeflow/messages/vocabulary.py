@@ -12,6 +12,7 @@ from typing import Annotated, ClassVar
 from lodeflow.messages.fields import (
     GAPS,
     Int64,
+    Matrix3,
     Quaternion,
     Scalar,
     UInt8,
@@ -19,6 +20,8 @@ from lodeflow.messages.fields import (
 )
 from lodeflow.messages.message import Message
 from lodeflow.messages.units import (
+    AngleVariance,
+    Dimensionless,
     Gravity,
     Lsb,
     Meter,
@@ -26,7 +29,9 @@ from lodeflow.messages.units import (
     MeterPerSecondSquared,
     Radian,
     RadPerSecond,
+    RateVariance,
     Ratio,
+    Second,
     Tesla,
 )
 
@@ -144,6 +149,41 @@ class Deflection(Message, ros="lodeflow_msgs/msg/Deflection", frame="earth"):
 
     north: Scalar[Radian]
     east: Scalar[Radian]
+
+
+class GyroBias(Message, ros="lodeflow_msgs/msg/GyroBias", frame="body"):
+    """Estimated bias of the gyroscope: angular rate measured where there is none."""
+
+    bias: Vector3[RadPerSecond]
+    covariance: Matrix3[RateVariance]
+
+
+class Rest(Message, ros="lodeflow_msgs/msg/Rest", frame="body"):
+    """Whether the body is at rest, from each message on until the next."""
+
+    MOVING: ClassVar = 0
+    RESTING: ClassVar = 1
+
+    rest: UInt8
+
+
+class HeadingState(Message, ros="lodeflow_msgs/msg/HeadingState", frame="earth"):
+    """What a heading filter believes of its heading and of the magnetic field around it."""
+
+    variance: Scalar[AngleVariance]
+    """Of the heading; pi^2 / 3 where nothing is known."""
+    disturbance: Vector3[Tesla]
+    """Of the field, to the east, north and up."""
+    level: Scalar[Dimensionless]
+    """Mean square of the disturbance relative to the usual one; the heading coasts above one."""
+    magnetometer_lag: Scalar[Second]
+    """By how much the magnetometer is behind the attitude."""
+    hard_iron: Vector3[Tesla]
+    """Field of a magnet on the body, in the body frame."""
+    horizontal: Scalar[Tesla]
+    """The undisturbed field to the north."""
+    vertical: Scalar[Tesla]
+    """The undisturbed field upwards."""
 
 
 class RawField(Message, ros="lodeflow_msgs/msg/RawField", frame="magnetometer"):

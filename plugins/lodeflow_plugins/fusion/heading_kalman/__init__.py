@@ -1,0 +1,1 @@
+"""Heading Kalman filter on top of an attitude whose heading drifts."""

@@ -1,0 +1,1 @@
+"""Attitude from gyroscope and accelerometer, with the gyroscope's bias."""
