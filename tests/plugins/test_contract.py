@@ -10,9 +10,12 @@ from lodeflow.supervisor.run import run
 from lodeflow.testing import check_node
 
 BUNDLED = {
-    "accel_calibrator", "attitude_score", "broad_trial", "chu_fuser", "csv", "gyro_calibrator",
-    "heading_from_attitude", "imu_combiner", "mag_calibrator", "quaternion_kalman",
-    "recorded_sensors", "simulated_vehicle", "tilt_compass",
+    "accel_calibrator", "attitude_score", "broad_trial", "chu_fuser", "csv", "dmc_features",
+    "ellipse_calibrator", "fcm_score", "fcm_stage", "gated_kalman", "gyro_calibrator",
+    "heading_estimator", "heading_from_attitude", "heading_score", "hmr3300", "imu_combiner",
+    "integrated_heading", "mag_calibrator", "mode_switch", "nmea_heading", "quaternion_kalman",
+    "recognition_score", "recorded_sensors", "simulated_vehicle", "threshold_stage",
+    "tilt_compass", "turntable", "vehicle_in_city",
 }  # fmt: skip
 PEERS = {
     "ahrs_madgwick": "ahrs", "ahrs_mahony": "ahrs", "imufusion": "imufusion", "vqf": "vqf",

@@ -94,6 +94,18 @@ class Dimensionless(Unit):
     symbol = ""
 
 
+class Share(Unit):
+    """A part of a whole, 0 to 1."""
+
+    accepts: ClassVar = {"%": 0.01}
+
+
+class PerSecond(Unit):
+    """Rate of change of a ratio."""
+
+    symbol = "1/s"
+
+
 class Radian(Unit):
     """Plane angle."""
 
