@@ -13,6 +13,8 @@ def lodeflow_nodes() -> dict[str, str]:
         "simulated_vehicle": f"{here}.sources.simulated_vehicle.node:SimulatedVehicle",
         "csv": f"{here}.sources.csv_file:CsvFile",
         "broad_trial": f"{here}.sources.broad:BroadTrial",
+        "hmr3300": f"{here}.sources.hmr3300:Hmr3300",
+        "nmea_heading": f"{here}.sources.nmea_heading:NmeaHeading",
         "turntable": f"{here}.sources.turntable.node:Turntable",
         "vehicle_in_city": f"{here}.sources.vehicle_in_city.node:VehicleInCity",
         "recorded_sensors": "lodeflow.recording.source:RecordedSensors",

@@ -11,6 +11,10 @@ from lodeflow_plugins.sources.compass_pair import FLU, Iron, as_field
 from lodeflow_plugins.sources.turntable import model
 
 BENCH = model.Bench()
+GYRO_RATE = 10
+"""Readings of the gyro in a second, in which there is one of the compasses."""
+TURN_RATE = 2.0 * np.pi / model.STEPS
+"""Of the table, rad/s."""
 
 
 class Ports(NamedTuple):
@@ -26,8 +30,8 @@ class Turntable(lf.Source):
     """Two compasses 10 cm apart on a table that turns by ten degrees a second, and sources.
 
     Magnets and iron cabinets approach and leave as the table turns. After each rotation the table
-    rests for some seconds, so that the gap in the stamps tells one rotation from the next. The
-    gyro gives the mean rate over the step before each reading, with noise and bias.
+    rests, so that the gap in the stamps of the readings tells one rotation from the next. The gyro
+    reads ten times a second, also then.
 
     Source: Hao, Yang and Huang, sections 1 and 3.
     """
@@ -39,8 +43,8 @@ class Turntable(lf.Source):
         """Of everything random."""
         rotations: int = Field(20, ge=1)
         """Of 36 readings each."""
-        rest: Annotated[float, lf.Second] = Field(10.0, gt=0)
-        """Between two rotations, on top of the second between two readings."""
+        rest: Annotated[float, lf.Second] = Field(10.0, ge=1)
+        """Between two rotations."""
         field: Annotated[float, lf.Tesla] = Field(33.5e-6, gt=0)
         """Strength of the undisturbed horizontal field."""
         disturbed: float = Field(BENCH.disturbed, ge=0, le=1)
@@ -54,7 +58,7 @@ class Turntable(lf.Source):
         """Hard and soft iron of the first compass."""
         second_iron: Iron = Iron()
         """Hard and soft iron of the second compass."""
-        gyro_noise: Annotated[float, lf.RadPerSecond] = Field(float(np.radians(0.05)), ge=0)
+        gyro_noise: Annotated[float, lf.RadPerSecond] = Field(float(np.radians(0.15)), ge=0)
         """Standard deviation of each rate."""
         gyro_bias: Annotated[float, lf.RadPerSecond] = Field(float(np.radians(0.05)), ge=0)
         """Bias of the rate, one standard deviation."""
@@ -69,18 +73,21 @@ class Turntable(lf.Source):
 
     def read(self, clock: lf.Clock) -> Iterator[Ports]:
         p = self.params
-        step = lf.seconds(1.0)
-        period = model.STEPS * step + lf.seconds(p.rest)
+        step, gyro_step = lf.seconds(1.0), lf.seconds(1.0 / GYRO_RATE)
+        turning = model.STEPS * GYRO_RATE
+        resting = round(p.rest * GYRO_RATE)
         for number in range(p.rotations):
-            t = clock.start + number * period + step * np.arange(model.STEPS)
+            begin = clock.start + number * (turning + resting) * gyro_step
+            t = begin + step * np.arange(model.STEPS)
             fields = self.table.rotation(number)
-            rate = np.full(model.STEPS, 2.0 * np.pi / model.STEPS)
-            rate[0] = 0.0
-            noise = np.random.default_rng([p.seed, 3, number]).standard_normal(model.STEPS)
-            rate += self.bias + p.gyro_noise * noise
+            rate = np.zeros((turning + resting, 3))
+            rate[:turning, 2] = FLU[2] * TURN_RATE
+            rate[0, 2] = rate[turning, 2] = FLU[2] * TURN_RATE / 2  # as it starts, and as it stops
+            noise = np.random.default_rng([p.seed, 3, number]).standard_normal(len(rate))
+            rate[:, 2] += self.bias + p.gyro_noise * noise
             yield Ports(
                 lf.MagneticField(t, as_field(fields[:, 0], p.first_iron, p.field)),
                 lf.MagneticField(t, as_field(fields[:, 1], p.second_iron, p.field)),
-                lf.AngularRate(t, np.column_stack([0 * rate, 0 * rate, FLU[2] * rate])),
+                lf.AngularRate(begin + gyro_step * np.arange(len(rate)), rate),
                 lf.Heading(t, self.table.heading.copy()),
             )
