@@ -1,5 +1,6 @@
 """The second stage of recognition as a node."""
 
+import itertools
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -56,7 +57,7 @@ class FcmStage(lf.Node):
         @classmethod
         def _nearest_last(cls, centres: Centres) -> Centres:
             far = [np.hypot(*centre) for centre in centres]
-            if any(a < b for a, b in zip(far, far[1:], strict=False)):
+            if any(a < b for a, b in itertools.pairwise(far)):
                 raise ValueError("centres should be in the order of their distance from zero, the "
                                  "farthest first")  # fmt: skip
             return centres

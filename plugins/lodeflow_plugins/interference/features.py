@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from lodeflow_plugins.interference.heading_estimator.linear import TURN, wrap
+from lodeflow_plugins.fusion.tilt_compass.compass import wrap as full_turn
+from lodeflow_plugins.interference.heading_estimator.linear import wrap
 
 VALUES = 3  # field error of the first, of the second, heading difference
 
@@ -59,7 +60,9 @@ def features(
 
     Args:
         t: (N,) stamps in ns, increasing, also from block to block.
-        first, second: (N, 3) calibrated fields, body axes forward, left, up, in any unit.
+        first: (N, 3) calibrated field of the first compass, body axes forward, left, up, in any
+            unit.
+        second: (N, 3), of the second.
         field: strength of the undisturbed horizontal field, in that unit.
         difference: dh_r, rad.
         interval: ns, over which rates are taken; 0 for the sample before.
@@ -79,9 +82,9 @@ def features(
         h1 = math.atan2(first[k, 1], first[k, 0])
         h2 = math.atan2(second[k, 1], second[k, 0])
         apart = wrap(h1 - h2 - difference)
-        headings[k, 0] = h1 % TURN
-        headings[k, 1] = h2 % TURN
-        headings[k, 2] = (h1 - 0.5 * (apart + difference)) % TURN
+        headings[k, 0] = full_turn(h1)
+        headings[k, 1] = full_turn(h2)
+        headings[k, 2] = full_turn(h1 - 0.5 * (apart + difference))
         values[k, 0] = math.sqrt(first[k, 0] ** 2 + first[k, 1] ** 2) / field - 1.0
         values[k, 1] = math.sqrt(second[k, 0] ** 2 + second[k, 1] ** 2) / field - 1.0
         values[k, 2] = apart

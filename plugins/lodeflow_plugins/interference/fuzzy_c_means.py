@@ -69,15 +69,16 @@ def fit(
         raise ValueError(f"there must be at least one iteration, not {most_iterations}")
     _check_fuzzifier(fuzzifier)
     u = np.random.default_rng(seed).random((len(points), clusters))
-    u /= u.sum(axis=1, keepdims=True)
-    centres = np.empty((clusters, points.shape[1]))
+    u = np.ascontiguousarray((u / u.sum(axis=1, keepdims=True)).T)
+    centres = np.zeros((clusters, points.shape[1]))
+    columns = np.ascontiguousarray(points.T)
     iterations, moved, objective = _iterate(
-        points, u, centres, fuzzifier, tolerance, most_iterations
+        columns, u, centres, fuzzifier, tolerance, most_iterations
     )
     order = np.argsort(-(centres * centres).sum(axis=1), kind="stable")
     return Clusters(
         np.ascontiguousarray(centres[order]),
-        np.ascontiguousarray(u[:, order]),
+        np.ascontiguousarray(u[order].T),
         int(iterations),
         bool(moved < tolerance),
         float(objective),
@@ -119,53 +120,42 @@ def _points(points: np.ndarray) -> np.ndarray:
     return points
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, inline="always", error_model="numpy")
 def _member(point: np.ndarray, centres: np.ndarray, power: float, weight: np.ndarray) -> float:
     """Write the memberships of one point into weight (c,); return the sum of u^m d^2.
 
-    power: 1 / (m - 1). With w_i = d_i^(-2 power), u_i = w_i / sum w.
+    power: 1 / (m - 1). With w_i = (nearest d / d_i)^(2 power), u_i = w_i / sum w; in ratios to the
+    nearest, nothing overflows.
     """
     c = len(centres)
-    total = 0.0
-    on_centre = 0
+    nearest = np.inf
     for i in range(c):
         square = 0.0
         for j in range(len(point)):
             apart = point[j] - centres[i, j]
             square += apart * apart
         weight[i] = square
-        if square == 0.0:
-            on_centre += 1
-    if on_centre:
-        for i in range(c):
-            weight[i] = 1.0 / on_centre if weight[i] == 0.0 else 0.0
-        return 0.0
-    if power == 1.0:
-        for i in range(c):
-            weight[i] = 1.0 / weight[i]
-            total += weight[i]
-        if total < np.inf:
-            scale = 1.0 / total
-            for i in range(c):
-                weight[i] *= scale
-            return scale  # sum u^2 d^2 = sum w / (sum w)^2
-    # In ratios to the nearest, which can neither overflow nor lose everything.
-    if power == 1.0:
-        for i in range(c):
-            weight[i] = 1.0 / weight[i]
-    nearest = weight[0]
-    for i in range(1, c):
-        nearest = min(nearest, weight[i])
+        nearest = min(nearest, square)
     total = 0.0
+    if nearest == 0.0:
+        for i in range(c):
+            weight[i] = 1.0 if weight[i] == 0.0 else 0.0
+            total += weight[i]
+    elif power == 1.0:
+        for i in range(c):
+            weight[i] = nearest / weight[i]
+            total += weight[i]
+    else:
+        for i in range(c):
+            weight[i] = (nearest / weight[i]) ** power
+            total += weight[i]
+    scale = 1.0 / total
     for i in range(c):
-        weight[i] = (nearest / weight[i]) ** power
-        total += weight[i]
-    for i in range(c):
-        weight[i] /= total
-    return nearest * total ** (-1.0 / power)
+        weight[i] *= scale
+    return nearest * scale if power == 1.0 else nearest * total ** (-1.0 / power)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def belong(points: np.ndarray, centres: np.ndarray, fuzzifier: float, u: np.ndarray) -> None:
     """Write the memberships of points (N, F) in centres (c, F) into u (N, c)."""
     power = 1.0 / (fuzzifier - 1.0)
@@ -176,46 +166,106 @@ def belong(points: np.ndarray, centres: np.ndarray, fuzzifier: float, u: np.ndar
             u[k, i] = weight[i]
 
 
-@njit(cache=True)
+CHUNK = 512
+"""Points that are worked on at once: their columns stay in the nearest cache."""
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nnan", "nsz"})
 def _iterate(
-    points: np.ndarray,
+    x: np.ndarray,
     u: np.ndarray,
     centres: np.ndarray,
     fuzzifier: float,
     tolerance: float,
     most: int,
 ) -> tuple[int, float, float]:
-    """Move u (N, c) and centres (c, F) by turns; the iterations, last move, and objective."""
-    n, c = u.shape
-    features = points.shape[1]
+    """Move memberships u (c, N) and centres (c, F) by turns; iterations, last move, objective.
+
+    x: (F, N). Loops run along the points, so that the compiler can take several at once.
+    """
+    c, n = u.shape
+    features = len(x)
     power = 1.0 / (fuzzifier - 1.0)
-    weight = np.empty(c)
     sums, masses = np.zeros((c, features)), np.zeros(c)
-    for k in range(n):
-        for i in range(c):
-            share = u[k, i] ** fuzzifier
+    w, total = np.empty((c, CHUNK)), np.empty(CHUNK)
+    point, weight = np.empty(features), np.empty(c)
+    for i in range(c):
+        for k in range(n):
+            share = u[i, k] * u[i, k] if fuzzifier == 2.0 else u[i, k] ** fuzzifier
             masses[i] += share
             for j in range(features):
-                sums[i, j] += share * points[k, j]
+                sums[i, j] += share * x[j, k]
     moved, objective, iteration = np.inf, np.inf, 0
     while iteration < most and moved >= tolerance:
         for i in range(c):
             if masses[i] > 0.0:  # else nobody is near, and it stays where it is
                 for j in range(features):
                     centres[i, j] = sums[i, j] / masses[i]
-            masses[i] = 0.0
-            for j in range(features):
-                sums[i, j] = 0.0
+        sums[:] = 0.0
+        masses[:] = 0.0
         moved, objective = 0.0, 0.0
-        for k in range(n):  # one pass: memberships, their moves, and the next centres' sums
-            objective += _member(points[k], centres, power, weight)
+        for begin in range(0, n, CHUNK):
+            m = min(CHUNK, n - begin)
+            for k in range(m):
+                total[k] = 0.0
             for i in range(c):
-                change = abs(weight[i] - u[k, i])
-                moved = max(moved, change)
-                u[k, i] = weight[i]
-                share = weight[i] * weight[i] if power == 1.0 else weight[i] ** fuzzifier
-                masses[i] += share
+                row = w[i]
+                for k in range(m):
+                    row[k] = 0.0
                 for j in range(features):
-                    sums[i, j] += share * points[k, j]
+                    centre = centres[i, j]
+                    column = x[j, begin : begin + m]
+                    for k in range(m):
+                        apart = column[k] - centre
+                        row[k] += apart * apart
+                if power == 1.0:
+                    for k in range(m):
+                        row[k] = 1.0 / row[k]
+                else:
+                    for k in range(m):
+                        row[k] = row[k] ** -power
+                for k in range(m):
+                    total[k] += row[k]
+            odd = 0
+            for k in range(m):
+                odd += total[k] > LARGEST or total[k] < SMALLEST
+            if odd:  # points on a centre, or out of all proportion
+                for k in range(m):
+                    if total[k] > LARGEST or total[k] < SMALLEST:
+                        for j in range(features):
+                            point[j] = x[j, begin + k]
+                        cost = _member(point, centres, power, weight)
+                        # Twice the shares, which a total of two brings back.
+                        for i in range(c):
+                            w[i, k] = 2.0 * weight[i]
+                        total[k] = 2.0
+                        objective += cost - (0.5 if power == 1.0 else 2.0 ** (-1.0 / power))
+            for k in range(m):
+                objective += 1.0 / total[k] if power == 1.0 else total[k] ** (-1.0 / power)
+                total[k] = 1.0 / total[k]
+            for i in range(c):
+                row, before = w[i], u[i, begin : begin + m]
+                mass, largest = 0.0, 0.0
+                for k in range(m):
+                    new = row[k] * total[k]
+                    change = abs(new - before[k])
+                    if change > largest:
+                        largest = change
+                    before[k] = new
+                    share = new * new if power == 1.0 else new**fuzzifier
+                    row[k] = share
+                    mass += share
+                masses[i] += mass
+                moved = max(moved, largest)
+                for j in range(features):
+                    column = x[j, begin : begin + m]
+                    part = 0.0
+                    for k in range(m):
+                        part += row[k] * column[k]
+                    sums[i, j] += part
         iteration += 1
     return iteration, moved, objective
+
+
+SMALLEST, LARGEST = 1e-250, 1e250
+"""Sums of weights between which nothing has overflowed or been lost."""

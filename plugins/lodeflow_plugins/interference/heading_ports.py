@@ -6,12 +6,20 @@ import numpy as np
 
 import lodeflow as lf
 
+TURN = 2.0 * np.pi
+
 
 class HeadingPorts(NamedTuple):
     """Ports of every node that makes a heading of compasses and gyro."""
 
     heading: lf.Heading | None
     status: lf.HeadingStatus | None
+
+
+def full_turns(heading: np.ndarray) -> np.ndarray:
+    """The headings (N,) in [0, 2 pi), rad."""
+    turned = heading % TURN
+    return np.where(turned < TURN, turned, 0.0)  # -1e-17 + 2 pi rounds to a full turn
 
 
 def rate_to_the_right(gyro: lf.Sparse[lf.AngularRate]) -> np.ndarray:
@@ -40,6 +48,6 @@ def at_gyro(
     t = gyro.t[rows]
     status = [np.ascontiguousarray(column[rows]) for column in columns]
     return HeadingPorts(
-        lf.Heading(t, np.ascontiguousarray(heading[rows]) % (2.0 * np.pi)),
+        lf.Heading(t, full_turns(np.ascontiguousarray(heading[rows]))),
         lf.HeadingStatus(t, *status),
     )

@@ -31,11 +31,12 @@ def credibility(
     sum of its memberships in the trusted clusters; both together as the lesser.
 
     Args:
-        field_error: (N, 2), of each compass; difference: (N,), of the headings.
+        field_error: (N, 2), of each compass.
+        difference: (N,), of the headings.
         passed: (N,), above 0 where the stage before accepts.
         scales: V_m and V_h, in the units of field_error and difference.
-        first_centres, second_centres: (c, 2), of the clusters of each compass, the one nearest
-            the origin last.
+        first_centres: (c, 2), of the first compass' clusters, that nearest the origin last.
+        second_centres: (c, 2), of the second.
         fuzzifier: m.
     """
     found = np.zeros(len(difference))

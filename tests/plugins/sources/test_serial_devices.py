@@ -1,5 +1,6 @@
 """Serial devices on a pseudo-terminal: good, garbled and silent lines."""
 
+import contextlib
 import logging
 import math
 import os
@@ -27,10 +28,8 @@ def terminal():
     tty.setraw(ours, termios.TCSANOW)
     yield device, os.ttyname(ours)
     for end in (device, ours):
-        try:
+        with contextlib.suppress(OSError):  # one test has closed it
             os.close(end)
-        except OSError:
-            pass
 
 
 def read(plugin, params, wanted, say=lambda: None):
@@ -184,6 +183,8 @@ def test_sentences_without_sense(body, why):
         nmea_heading.heading_of(body.split(","), None)
 
 
-@pytest.mark.parametrize("line", ["", "1.0", "1, 2, 3", "1.0, 2.0", "1.0, 99.0, 1.0", "1.0,2.0,3.0,"])
+@pytest.mark.parametrize(
+    "line", ["", "1.0", "1, 2, 3", "1.0, 2.0", "1.0, 99.0, 1.0", "1.0,2.0,3.0,"]
+)
 def test_lines_that_are_no_angles(line):
     assert hmr3300.angles(line) is None

@@ -203,7 +203,8 @@ def correct(first: np.ndarray, second: np.ndarray, seconds: float, c: Constants,
     n[m.VERTICAL_DIFFERENCE_VARIANCE] *= 1.0 - weight
 
     _open(before, seconds, c, s)
-    monitor.correct(n[m.FIELD_STRENGTH] < CLEAN, field > DISTURBED, seconds, c, s)
+    disagrees = n[m.ACROSS] ** 2 - usual_across > monitor.SMALL
+    monitor.correct(n[m.FIELD_STRENGTH] < CLEAN, field > DISTURBED or disagrees, seconds, c, s)
 
 
 @njit(cache=True)
@@ -265,9 +266,11 @@ def run(
 
     Args:
         t: (N,) stamps in ns, increasing, also from block to block.
-        rate: (M,) angular rate, rad/s to the right; rate_row: (N,) its row at each stamp, -1 for
-            none, where the last one serves.
-        first, second: (K, 3) fields forward, right, down; field_row: (N,) likewise.
+        rate: (M,) angular rate, rad/s to the right.
+        rate_row: (N,) its row at each stamp, -1 for none, where the last one serves.
+        first: (K, 3) field of the first compass: forward, right, down.
+        second: (K, 3), of the second.
+        field_row: (N,) their row at each stamp, -1 for none.
         c: of `Assumptions.constants`.
         state: changed in place.
         out: (N, 5), written from the first row with an estimate on: heading in [-pi, pi), its

@@ -32,7 +32,7 @@ class Assumptions:
     vertical: float = 1.0
     gyro_noise: float = math.radians(0.15) * 0.05**0.5
     gyro_walk: float = math.radians(3e-3)
-    gyro_bias: float = math.radians(0.5)
+    gyro_bias: float = math.radians(0.3)
     gyro_scale: float = 0.003
     compass_noise: float = 0.005
     compass_colour: float = 0.055 * 0.05**0.5
@@ -49,10 +49,10 @@ class Assumptions:
     opening_after: float = 50.0
     opening_walk: float = 0.003
     # When a heading can be called valid.
-    settled: float = 4.0
+    settled: float = 3.0
     anchored: float = 10.0
     lasting: float = 0.33
-    accepted: float = 150.0
+    accepted: float = 300.0
 
     def constants(self) -> Constants:
         """All of it, as a compiled function takes it."""

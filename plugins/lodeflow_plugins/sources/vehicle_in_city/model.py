@@ -47,7 +47,7 @@ class Kind:
 
 
 BENCH = Kind(
-    period=20.0, ramp=(5.0, 14.0), hold=(0.0, 10.0), closest=(0.25, 0.34), farthest=1.0,
+    period=24.0, ramp=(4.0, 10.0), hold=(0.0, 8.0), closest=(0.24, 0.31), farthest=1.0,
     height=0.2, magnets=0.78, strength=(0.005, 0.0166), radius=(0.186, 0.257), spread=0.1,
     sweep=0.5,
 )  # fmt: skip

@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 import lodeflow as lf
+from lodeflow_plugins.interference.heading_ports import full_turns
 from lodeflow_plugins.sources.compass_pair import FLU, Iron, as_field
 from lodeflow_plugins.sources.vehicle_in_city import model
 
@@ -110,5 +111,5 @@ class VehicleInCity(lf.Source):
                 lf.MagneticField(t, as_field(rows.fields[:, 0], p.first_iron, p.field)),
                 lf.MagneticField(t, as_field(rows.fields[:, 1], p.second_iron, p.field)),
                 lf.AngularRate(t, rate),
-                lf.Heading(t, rows.heading % (2.0 * np.pi)),
+                lf.Heading(t, full_turns(rows.heading)),
             )
