@@ -11,19 +11,20 @@ from lodeflow.testing import check_node
 from lodeflow_plugins.sources import airborne_line
 
 BUNDLED = {
-    "accel_calibrator", "attitude_fuser", "attitude_score", "broad_trial", "chu_fuser", "csv",
-    "gyro_calibrator",
-    "heading_from_attitude", "heading_kalman", "imu_combiner", "inertial_attitude",
-    "mag_calibrator",
-    "quaternion_kalman",
-    "recorded_sensors", "simulated_vehicle", "tilt_compass",
-    "acceleration_peak_steps", "airborne_line", "amvd_steps", "ared_steps",
-    "autocorrelation_steps", "disturbing_gravity", "eotvos", "euler_to_geographic",
-    "foot_trial", "gravity_low_pass", "gravity_score", "gyro_norm_steps", "horizontal_coriolis",
-    "imu_decimator", "kinematic_acceleration", "mag_steps", "raw_norm_steps", "shoe_steps",
-    "simulated_platform", "stance_track", "step_score", "step_track", "swing_steps",
-    "tilt_correction", "tilt_error_budget", "to_geographic", "track_score",
-    "tilting_platform", "zero_velocity_steps",
+    "accel_calibrator", "acceleration_peak_steps", "airborne_line", "amvd_steps",
+    "ared_steps", "attitude_fuser", "attitude_score", "autocorrelation_steps", "broad_trial",
+    "chu_fuser", "csv", "disturbing_gravity", "dmc_features", "ellipse_calibrator", "eotvos",
+    "euler_to_geographic", "fcm_score", "fcm_stage", "foot_trial", "gated_kalman",
+    "gravity_low_pass", "gravity_score", "gyro_calibrator", "gyro_norm_steps",
+    "heading_estimator", "heading_from_attitude", "heading_kalman", "heading_score",
+    "hmr3300", "horizontal_coriolis", "imu_combiner", "imu_decimator", "inertial_attitude",
+    "integrated_heading", "iron_calibrator", "kinematic_acceleration", "mag_calibrator",
+    "mag_steps", "mode_switch", "nmea_heading", "online_mag_calibrator", "quaternion_kalman",
+    "raw_norm_steps", "recognition_score", "recorded_sensors", "shoe_steps",
+    "simulated_platform", "simulated_vehicle", "stance_track", "step_score", "step_track",
+    "swing_steps", "threshold_stage", "tilt_compass", "tilt_correction", "tilt_error_budget",
+    "tilting_platform", "to_geographic", "track_score", "turntable", "vehicle_in_city",
+    "zero_velocity_steps",
 }  # fmt: skip
 PEERS = {
     "ahrs_madgwick": "ahrs", "ahrs_mahony": "ahrs", "imufusion": "imufusion", "vqf": "vqf",

@@ -103,6 +103,12 @@ class Ratio(Dimensionless):
     shown = "%"
 
 
+class PerSecond(Unit):
+    """Rate of change of a ratio."""
+
+    symbol = "1/s"
+
+
 class Radian(Unit):
     """Plane angle."""
 

@@ -7,10 +7,11 @@ v_earth = q v q*. Heading counts clockwise from magnetic north to the body's x a
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from lodeflow.messages.fields import (
     GAPS,
+    Array,
     Int64,
     Matrix3,
     Quaternion,
@@ -27,6 +28,7 @@ from lodeflow.messages.units import (
     Meter,
     MeterPerSecond,
     MeterPerSecondSquared,
+    PerSecond,
     Radian,
     RadPerSecond,
     RateVariance,
@@ -214,6 +216,46 @@ class Mode(Message, ros="lodeflow_msgs/msg/Mode"):
     mode: UInt8
 
 
+class CompassFeatures(Message, ros="lodeflow_msgs/msg/CompassFeatures", frame="body"):
+    """What two calibrated compasses side by side say of the field that they are in.
+
+    Fields and their errors are in units of the undisturbed horizontal field. A field error is
+    the horizontal strength less 1; the heading difference is first less second, less what it is
+    when nothing disturbs.
+    """
+
+    heading: Scalar[Radian]
+    headings: Array[Radian, Literal[2]]
+    heading_difference: Scalar[Radian]
+    heading_difference_rate: Scalar[RadPerSecond]
+    field_error: Array[Dimensionless, Literal[2]]
+    field_error_rate: Array[PerSecond, Literal[2]]
+    first_field: Vector3[Dimensionless]
+    second_field: Vector3[Dimensionless]
+
+
+class Credibility(Message, ros="lodeflow_msgs/msg/Credibility"):
+    """How far a compass can be trusted, from 0 to 1, and whether that is enough."""
+
+    credibility: Scalar[Dimensionless]
+    valid: UInt8
+
+
+class HeadingStatus(Message, ros="lodeflow_msgs/msg/HeadingStatus", frame="earth"):
+    """How good a heading is.
+
+    sigma: standard deviation of the heading; disturbance: strength of the magnetic disturbance,
+    in units of the horizontal field; valid: the heading can be used; compass_agrees: the compass
+    alone shows nearly this heading; undisturbed: nothing disturbs the compass.
+    """
+
+    sigma: Scalar[Radian]
+    disturbance: Scalar[Dimensionless]
+    valid: UInt8
+    compass_agrees: UInt8
+    undisturbed: UInt8
+
+
 class Score(Message):
     """Base of all scores: a run shows them in its summary, a study collects them."""
 
@@ -287,3 +329,38 @@ class TiltErrorScore(Score, ros="lodeflow_msgs/msg/TiltErrorScore"):
     total: Scalar[Gravity]
     angle: Scalar[Radian]
     by_angle: Scalar[Gravity]
+
+
+class RecognitionScore(Score, ros="lodeflow_msgs/msg/RecognitionScore"):
+    """How well a stage tells good compass samples from bad ones.
+
+    recognised: share of the good samples that it accepts (RP); mistaken: share of bad samples
+    among those that it accepts (MP); kept: share of the good samples accepted by the stage before
+    it that it accepts as well; error_max and error_p99: of the accepted samples (WP).
+    """
+
+    recognised: Annotated[Scalar[Ratio], GAPS]
+    mistaken: Annotated[Scalar[Ratio], GAPS]
+    kept: Annotated[Scalar[Ratio], GAPS]
+    error_max: Annotated[Scalar[Radian], GAPS]
+    error_p99: Annotated[Scalar[Radian], GAPS]
+    accepted: Scalar[Ratio]
+    good: Int64
+    samples: Int64
+
+
+class HeadingScore(Score, ros="lodeflow_msgs/msg/HeadingScore"):
+    """Error of a heading against the truth.
+
+    valid: share of the samples that the estimator calls valid; valid_max: largest error among
+    them; last: error at the end. One of the `samples` without heading makes all errors NaN.
+    """
+
+    rmse: Annotated[Scalar[Radian], GAPS]
+    p99: Annotated[Scalar[Radian], GAPS]
+    max: Annotated[Scalar[Radian], GAPS]
+    last: Annotated[Scalar[Radian], GAPS]
+    valid: Annotated[Scalar[Ratio], GAPS]
+    valid_max: Annotated[Scalar[Radian], GAPS]
+    samples: Int64
+    missing: Int64

@@ -1,0 +1,1 @@
+"""Magnetic interference: recognising it, and a heading that lives with it."""

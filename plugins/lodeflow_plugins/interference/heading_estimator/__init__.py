@@ -1,0 +1,1 @@
+"""Heading from two compasses and a rate gyro, with disturbances as correlated noise."""

@@ -1,0 +1,1 @@
+"""A turntable with two compasses, and magnets and iron cabinets that approach and leave."""

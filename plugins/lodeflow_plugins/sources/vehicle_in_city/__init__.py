@@ -1,0 +1,1 @@
+"""A vehicle with two compasses and a rate gyro that drives through magnetic disturbances."""
