@@ -11,7 +11,7 @@ import numpy as np
 from lodeflow.clock import Clock, Pacer, SimClock, WallClock
 from lodeflow.errors import ContractError, RunError
 from lodeflow.runtime.blocks import BlockDriver
-from lodeflow.runtime.feed import Batch, LiveFeed, feeds, max_delay
+from lodeflow.runtime.feed import Batch, LiveFeed, feeds, gathered, max_delay
 from lodeflow.runtime.plan import Plan, PlanNode
 from lodeflow.runtime.samples import SampleDriver
 from lodeflow.sync import END, NEVER
@@ -89,7 +89,8 @@ class Engine:
 
     def _run_blocks(self) -> None:
         driver = BlockDriver(self.plan)
-        sources = feeds(self.plan.sources, self.clock, self.duration)
+        read = feeds(self.plan.sources, self.clock, self.duration)
+        sources = {name: gathered(feed) for name, feed in read.items()}
         reached = dict.fromkeys(sources, NEVER)
         try:
             while reached:
