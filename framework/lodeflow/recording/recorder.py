@@ -30,7 +30,7 @@ PERIOD = 0.1
 """Seconds between two looks of the thread into its queues."""
 CHUNK_SECONDS = 0.8
 """Wall time after which the open chunk is closed, a look's length below the promised second."""
-BACKLOG = 64
+BACKLOG = 8
 """Blocks that may wait to be written before the run is held back."""
 LOG_SCHEMA = (
     "rcl_interfaces/msg/Log",
@@ -158,8 +158,7 @@ class Recorder:
         """Write all that waits."""
         for stream in self.streams:
             while block := stream.take():
-                records = stream.layout.encode_block(block)
-                self.writer.write(stream.channel, block.t, records)
+                stream.write(self.writer, block)
                 self._room.set()
         self._log.write()
 
@@ -188,6 +187,15 @@ class _Stream:
                 return self.layout.kind.stack(samples) if samples else self.queue.popleft()
             samples.append(self.queue.popleft())
         return self.layout.kind.stack(samples) if samples else None
+
+    def write(self, writer: McapWriter, block: Message) -> None:
+        """Write a block, encoded where it goes."""
+        writer.write_encoded(
+            self.channel,
+            block.t,
+            self.layout.size,
+            lambda rows, out: self.layout.encode_block(block[rows], out),
+        )
 
 
 class _LogStream(logging.Handler):

@@ -12,10 +12,11 @@ from lodeflow.errors import MessageError
 from lodeflow.messages.cdr import HEADER, Layout, StreamConstants, layout_of, read_constants
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import PRIMITIVES, definition, full_name, leaves, members
-from lodeflow.recording.mcap.raw import numbers_at, places
+from lodeflow.recording.mcap.raw import picked, places
 from lodeflow.sync import NEVER
 
 TEXT_AT = len(HEADER) + 8  # frame_id in a record, behind the stamp: its length, then its bytes
+_HEADER = int.from_bytes(HEADER, "little")
 _FRAME = "frame_id"
 
 log = logging.getLogger(__name__)
@@ -73,7 +74,7 @@ class StreamDecoder:
         """
         if sizes.min() < TEXT_AT + 4:
             raise MessageError("a message is cut off")
-        texts = numbers_at(raw, TEXT_AT, "<u4")[starts]
+        texts = picked(raw, starts, TEXT_AT, "<u4")
         if (sizes == sizes[0]).all() and (texts == texts[0]).all():
             return self._columns(raw, starts, (int(sizes[0]), int(texts[0])))
         return self._mixed(raw, starts, np.stack([sizes, texts], axis=1))
@@ -106,9 +107,8 @@ class StreamDecoder:
 
     def _columns(self, raw: bytes, starts: NDArray[Any], key: tuple[int, int]) -> Message:
         size, text = key
-        anywhere = np.ndarray(len(raw) - size + 1, f"V{size}", raw, strides=(1,))
-        records = anywhere[starts].view(np.uint8).reshape(-1, size)
-        if not (records[:, : len(HEADER)] == np.frombuffer(HEADER, np.uint8)).all():
+        records = picked(raw, starts, 0, np.dtype([("bytes", "u1", (size,))]))["bytes"]
+        if (records[:, : len(HEADER)].view("<u4") != _HEADER).any():
             raise MessageError("a message is not plain little-endian CDR")
         if key not in self._layouts:
             self._layouts[key] = self._lay_out(records[0].tobytes(), text)
@@ -118,9 +118,9 @@ class StreamDecoder:
             self._first, self._first_key = constants[:1].copy(), key
         if key == self._first_key:
             changed = {n: constants[n] != self._first[n] for n in undeclared.names or ()}
-            self._frames += int(changed.pop(_FRAME).sum())
+            self._frames += _rows(changed.pop(_FRAME))
             if changed:
-                self._values += int(np.logical_or.reduce(list(changed.values())).sum())
+                self._values += _rows(np.hstack(list(changed.values())))
         else:
             self._frames += len(records)
         return layout.decode_block(records)
@@ -149,6 +149,11 @@ class StreamDecoder:
             )
         self._last = int(t[-1])
         return block
+
+
+def _rows(which: NDArray[np.bool_]) -> int:
+    """Return how many rows of a matrix have a true element."""
+    return int(which.any(axis=1).sum()) if which.any() else 0
 
 
 def same_members(schema: bytes, kind: type[Message]) -> bool:
@@ -180,10 +185,16 @@ def _undeclared_layout(layout: Layout, text: int) -> np.dtype[Any]:
         if joined and sum(joined[-1]) == start:
             start, size = joined[-1][0], joined.pop()[1] + size
         joined.append((start, size))
+
+    # Words compare faster than bytes; -0.0 is not 0.0 here, and NaN is NaN.
+    def words(size: int) -> tuple[str, tuple[int]]:
+        width = next(width for width in (8, 4, 1) if size % width == 0)
+        return f"<u{width}", (size // width,)
+
     return np.dtype(
         {
             "names": [_FRAME, *(f"at {start}" for start, _ in joined)],
-            "formats": [f"V{text}", *(f"V{size}" for _, size in joined)],
+            "formats": [words(text), *(words(size) for _, size in joined)],
             "offsets": [TEXT_AT + 4, *(start for start, _ in joined)],
             "itemsize": layout.size,
         }
