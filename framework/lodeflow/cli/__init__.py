@@ -17,6 +17,7 @@ COMMANDS: dict[str, str] = {
     "info": "Say what is in a recording.",
     "compare": "Compare two recordings: are they the same, and where not?",
     "recover": "Mend a recording that was killed or damaged, into a new file.",
+    "plot": "Plot time series of recordings, into a file or a window.",
     "export": "Write streams of a recording into tables: CSV or Parquet.",
     "check": "Check graph files: all errors, each with its place.",
     "graph": "Draw a graph.",

@@ -71,6 +71,15 @@ class Recording:
     ) -> None:
         self.close()
 
+    @property
+    def span(self) -> tuple[int, int] | None:
+        """First and last log time, ns; None if there are no messages."""
+        chunks = [place for place in self._file.chunks if place.message_index_offsets]
+        if not chunks:
+            return None
+        first = min(place.message_start_time for place in chunks)
+        return first, max(place.message_end_time for place in chunks)
+
     def metadata(self, name: str) -> dict[str, str]:
         """Return the first metadata of that name.
 

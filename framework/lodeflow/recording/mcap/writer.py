@@ -242,16 +242,18 @@ class McapWriter:
 
     def _write_full(self, most: int) -> None:
         """Let full chunks be compressed, and write them; at most so many are then left."""
-        for chunk in itertools.islice(self._chunks, len(self._chunks) - 1):
-            if chunk not in self._sealed:
-                self._sealed[chunk] = self._sealers.submit(chunk.seal)
+        if most:  # with all of them to wait for, the last one is no faster in another thread
+            for chunk in itertools.islice(self._chunks, len(self._chunks) - 1):
+                if chunk not in self._sealed:
+                    self._sealed[chunk] = self._sealers.submit(chunk.seal)
         while (full := len(self._chunks) - 1) > 0:
             chunk = self._chunks[0]
-            if full <= most and not self._sealed[chunk].done():
+            future = self._sealed.get(chunk)
+            if full <= most and future is not None and not future.done():
                 break
-            self._append_sealed(self._sealed[chunk].result())
+            self._append_sealed(chunk.seal() if future is None else future.result())
             self._chunks.popleft()
-            del self._sealed[chunk]
+            self._sealed.pop(chunk, None)
             chunk.clear()
             self._spare.append(chunk)
 
