@@ -66,14 +66,17 @@ def read(
         for line in dict.fromkeys(lines)
     }
     for index, (recording, origin) in enumerate(zip(recordings, origins, strict=True)):
-        wanted = {line.topic: line.kind for line in kept if line.recording == index}
-        # What is held or steps on begins before the left edge; log times may lie beside stamps.
-        limits = (None if start is None else origin + left, None if end is None else origin + right)
-        for blocks in recording.blocks(wanted, *limits):
-            for line, series in kept.items():
-                block = blocks.get(line.topic) if line.recording == index else None
-                if block is not None:
-                    series.add(block.t - origin, line.quantity.take(block))
+        first = None if start is None else origin + left
+        last = None if end is None else origin + right
+        for held, since in (
+            (False, first),
+            (True, None),
+        ):  # a mode may hold on from any time before
+            some = [e for e in kept if e.recording == index and bool(e.quantity.modes) == held]
+            for blocks in recording.blocks({e.topic: e.kind for e in some}, since, last):
+                for line in some:
+                    if (block := blocks.get(line.topic)) is not None:
+                        kept[line].add(block.t - origin, line.quantity.take(block))
     if not any(series.count for series in kept.values()):
         paths = ", ".join(str(recording.path) for recording in recordings)
         raise RecordingError(
