@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import threading
 import zlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -42,7 +41,7 @@ class Sealed(NamedTuple):
 
 
 class Chunk:
-    """A buffer that is filled, sealed, cleared and filled again; it owns its compressor.
+    """A buffer that is filled, sealed, cleared and filled again.
 
     It may be sealed in another thread than that which fills it, while nobody does.
 
@@ -61,7 +60,6 @@ class Chunk:
         self._compress = _compressor(compression, size)
         self._buffer = np.empty(size, dtype=np.uint8)
         self._runs: list[Run] = []
-        self._sealing = threading.Lock()  # a compressor serves one thread at a time
 
     def clear(self) -> None:
         """Forget all messages."""
@@ -121,8 +119,7 @@ class Chunk:
         indexes = _indexes(raw, self._runs)
         first = min(int(entries["log_time"][0]) for entries in indexes.values())
         last = max(int(entries["log_time"][-1]) for entries in indexes.values())
-        with self._sealing:
-            packed = self._compress(raw)
+        packed = self._compress(raw)
         return Sealed(
             first,
             last,
@@ -167,7 +164,13 @@ def _compressor(compression: str, size: int) -> Callable[[memoryview], bytes]:
             settings = zstandard.ZstdCompressionParameters.from_level(
                 1, source_size=size, hash_log=12, min_match=5, target_length=2
             )
-            return zstandard.ZstdCompressor(compression_params=settings).compress
+
+            def zstd(raw: memoryview) -> bytes:
+                # A compressor serves one thread at a time; a new one costs no more than its use.
+                packed: bytes = zstandard.ZstdCompressor(compression_params=settings).compress(raw)
+                return packed
+
+            return zstd
         case "lz4":
             try:
                 lz4 = importlib.import_module("lz4.frame")
