@@ -157,6 +157,8 @@ class Recording:
         start: int | None,
         end: int | None,
     ) -> Message | None:
+        if not any(channel in place.message_index_offsets for channel in stream.channels):
+            return None
         _, entries, channels = indexed(self._file, place, stream.channels)
         t = entries["log_time"]
         first = 0 if start is None else int(np.searchsorted(t, np.uint64(max(start, 0))))

@@ -111,12 +111,12 @@ class Intake:
         if not len(t):
             return block
         before = max(self.last[index], NEVER if self.live else self.floor - 1)
+        if t[0] > before and (t[1:] > t[:-1]).all():
+            return block
         highest = np.maximum.accumulate(np.concatenate([[before], t[:-1]]))
         onward = t > highest
-        if not onward.all():
-            self.node.counters.lose("disorder", int(len(t) - onward.sum()))
-            block = block[onward]
-        return block
+        self.node.counters.lose("disorder", int(len(t) - onward.sum()))
+        return block[onward]
 
 
 def finite_rows(block: Message) -> NDArray[np.bool_] | None:
