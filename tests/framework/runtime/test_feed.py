@@ -285,11 +285,11 @@ def test_small_blocks_are_gathered_to_some_rows_and_the_rest_goes_on_at_the_end(
 def test_ports_are_gathered_side_by_side_and_bounds_go_on() -> None:
     def read_(self: lf.Source, clock: lf.Clock) -> Iterator[Pair]:
         yield Pair(ramp(1), None)
-        yield Pair(None, ramp(1))
+        yield Pair(None, ramp(2)[1:])
         yield lf.Bound(7)  # type: ignore[misc]
         yield Pair(Reading(8, 0.0), None)
 
-    assert gather(reading(read_, pair=True), 2) == [({0: [0, 8], 1: [0]}, 9), ({}, END)]
+    assert gather(reading(read_, pair=True), 2) == [({0: [0, 8], 1: [1]}, 9), ({}, END)]
 
 
 def test_a_slow_source_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
