@@ -22,6 +22,7 @@ LAYERS = [  # each imports from those before it
     {"graph"},
     {"runtime"},
     {"transport", "recording"},
+    {"plotting"},
     {"supervisor", "testing", "purity"},
     {"study"},
     {"cli"},

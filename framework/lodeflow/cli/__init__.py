@@ -18,6 +18,7 @@ COMMANDS: dict[str, str] = {
     "study": "Run a graph over a grid of changes, into tables and figures.",
     "compare": "Compare two recordings: are they the same, and where not?",
     "recover": "Mend a recording that was killed or damaged, into a new file.",
+    "plot": "Plot time series of recordings, into a file or a window.",
     "export": "Write streams of a recording into tables: CSV or Parquet.",
     "calibrate": "Find the parameters of a calibrator from recordings.",
     "check": "Check graph and study files: all errors, each with its place.",

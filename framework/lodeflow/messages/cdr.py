@@ -78,7 +78,7 @@ class Layout:
                 "itemsize": self.size,
             }
         )
-        self._template_row = np.frombuffer(self.template, dtype=np.uint8)
+        self._template_row = np.frombuffer(self.template, dtype=f"V{self.size}")
         self.encode_sample = self._compile_sample()
 
     encode_sample: Callable[[Message], bytes]
@@ -102,9 +102,9 @@ class Layout:
         t = block.t
         if out is None:
             out = np.empty((len(t), self.size), dtype=np.uint8)
-        out[:] = self._template_row
         if not len(t):
             return out
+        out.view(self._template_row.dtype)[:] = self._template_row
         if t.min() < FIRST_STAMP or t.max() > LAST_STAMP:
             raise MessageError(f"{self.kind.__name__}: a stamp is outside the range of ROS time")
         records = out.view(self.dtype)[:, 0]
@@ -128,7 +128,7 @@ class Layout:
         """Return the block that N records hold.
 
         Args:
-            records: uint8 of shape (N, size).
+            records: uint8 of shape (N, size); where the rows are contiguous, they may lie apart.
 
         Raises:
             MessageError: the records have another size or encapsulation.
@@ -137,7 +137,8 @@ class Layout:
             raise MessageError(
                 f"{self.kind.__name__}: records of {records.shape} are not (N, {self.size}) bytes"
             )
-        records = np.ascontiguousarray(records)
+        if records.strides[1] != 1:
+            records = np.ascontiguousarray(records)
         if (records[:, :4].view("<u4") != int.from_bytes(HEADER, "little")).any():
             raise MessageError(f"{self.kind.__name__}: not plain little-endian CDR")
         view = records.view(self.dtype)[:, 0]

@@ -74,6 +74,15 @@ class Recording:
     ) -> None:
         self.close()
 
+    @property
+    def span(self) -> tuple[int, int] | None:
+        """First and last log time, ns; None if there are no messages."""
+        chunks = [place for place in self._file.chunks if place.places]
+        if not chunks:
+            return None
+        first = min(place.first for place in chunks)
+        return first, max(place.last for place in chunks)
+
     def metadata(self, name: str) -> dict[str, str]:
         """Return the first metadata of that name.
 
@@ -191,6 +200,9 @@ class Recording:
         start: int | None,
         end: int | None,
     ) -> Message | None:
+        here = place.index_offsets()
+        if not any(channel in here for channel in stream.channels):
+            return None
         _, entries, channels = indexed(self._file, place, stream.channels)
         t = entries["log_time"]
         first = 0 if start is None else int(np.searchsorted(t, np.uint64(max(start, 0))))

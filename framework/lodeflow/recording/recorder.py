@@ -31,7 +31,7 @@ PERIOD = 0.1
 CHUNK_SECONDS = 0.5
 """Wall time after which the open chunk is closed: far enough below the promised second for a look's
 length, and for a machine that is busy."""
-BACKLOG = 64
+BACKLOG = 8
 """Blocks that may wait to be written before the run is held back."""
 STACK = 4096
 """Samples that are written as one block."""
@@ -202,7 +202,7 @@ class Recorder:
                     continue
                 block, taken = stream.take(count)
                 left[stream] -= taken
-                self.writer.write(stream.channel, block.t, stream.layout.encode_block(block))
+                stream.write(self.writer, block)
                 self._room.set()
         self._write_events()
 
@@ -240,6 +240,15 @@ class _Stream:
         while len(samples) < min(most, STACK) and not self.queue[0].is_block:
             samples.append(self.queue.popleft())
         return self.layout.kind.stack(samples), len(samples)
+
+    def write(self, writer: McapWriter, block: Message) -> None:
+        """Write a block, encoded where it goes."""
+        writer.write_encoded(
+            self.channel,
+            block.t,
+            self.layout.size,
+            lambda rows, out: self.layout.encode_block(block[rows], out),
+        )
 
 
 class _LogHandler(logging.Handler):

@@ -20,10 +20,11 @@ from lodeflow.messages.cdr import (
 )
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import PRIMITIVES, definition, leaves
-from lodeflow.recording.mcap.raw import numbers_at, places
+from lodeflow.recording.mcap.raw import picked, places
 from lodeflow.recording.ros2msg.translation import Translation
 from lodeflow.sync import NEVER
 
+_HEADER = int.from_bytes(HEADER, "little")
 _FRAME = "frame_id"
 MOST_LAYOUTS = 64
 """Lengths of frame_id whose layouts are kept at hand."""
@@ -91,7 +92,9 @@ class StreamDecoder:
             MessageError: a payload is none of this type.
         """
         raw, starts, sizes = self._translated(raw, starts, sizes)
-        texts = numbers_at(raw, TEXT_AT, "<u4")[starts]
+        if sizes.min() < TEXT_AT + 4:
+            raise MessageError("a message is cut off")
+        texts = picked(raw, starts, TEXT_AT, "<u4")
         if (sizes == sizes[0]).all() and (texts == texts[0]).all():
             return self._columns(raw, starts, (int(sizes[0]), int(texts[0])))
         return self._mixed(raw, starts, np.stack([sizes, texts], axis=1))
@@ -147,9 +150,8 @@ class StreamDecoder:
 
     def _columns(self, raw: bytes, starts: NDArray[Any], key: tuple[int, int]) -> Message:
         size, text = key
-        anywhere = np.ndarray(len(raw) - size + 1, f"V{size}", raw, strides=(1,))
-        records = anywhere[starts].view(np.uint8).reshape(-1, size)
-        if not (records[:, : len(HEADER)] == np.frombuffer(HEADER, np.uint8)).all():
+        records = picked(raw, starts, 0, np.dtype([("bytes", "u1", (size,))]))["bytes"]
+        if (records[:, : len(HEADER)].view("<u4") != _HEADER).any():
             raise MessageError("a message is not plain little-endian CDR")
         if key not in self._layouts:
             if len(self._layouts) == MOST_LAYOUTS:
@@ -160,13 +162,14 @@ class StreamDecoder:
         if self._first is None:
             self._first, self._first_key = constants[:1].copy(), key
         if key == self._first_key:
-            self._frames += int((constants[_FRAME] != self._first[_FRAME]).sum())
+            changed = constants[_FRAME] != self._first[_FRAME]
+            self._frames += _rows(changed)
         else:
             self._frames += len(records)
         rest = [name for name in undeclared.names or () if name != _FRAME]
         if rest:
-            changed = [constants[name] != self._first[name] for name in rest]
-            self._values += int(np.logical_or.reduce(changed).sum())
+            parts = [constants[name] != self._first[name] for name in rest]
+            self._values += _rows(np.hstack(parts))
         return layout.decode_block(records)
 
     def _lay_out(self, record: bytes, text: int) -> tuple[Layout, np.dtype[Any]]:
@@ -197,6 +200,11 @@ class StreamDecoder:
         return block
 
 
+def _rows(which: NDArray[np.bool_]) -> int:
+    """Return how many rows of a matrix have a true element."""
+    return int(which.any(axis=1).sum()) if which.any() else 0
+
+
 def _undeclared_layout(layout: Layout, text: int) -> np.dtype[Any]:
     """Return where frame_id and the undeclared members of a record stand, as bytes."""
     undeclared = {path for path, _ in StreamConstants.of(layout.kind).values}
@@ -210,10 +218,16 @@ def _undeclared_layout(layout: Layout, text: int) -> np.dtype[Any]:
         if joined and sum(joined[-1]) == start:
             start, size = joined[-1][0], joined.pop()[1] + size
         joined.append((start, size))
+
+    # Words compare faster than bytes; -0.0 is not 0.0 here, and NaN is NaN.
+    def words(size: int) -> tuple[str, tuple[int]]:
+        width = next(width for width in (8, 4, 1) if size % width == 0)
+        return f"<u{width}", (size // width,)
+
     return np.dtype(
         {
             "names": [_FRAME, *(f"part {number}" for number in range(len(joined)))],
-            "formats": [f"V{text}", *(f"V{size}" for _, size in joined)],
+            "formats": [words(text), *(words(size) for _, size in joined)],
             "offsets": [TEXT_AT + 4, *(start for start, _ in joined)],
             "itemsize": layout.size,
         }

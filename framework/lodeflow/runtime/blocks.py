@@ -43,8 +43,8 @@ class Output:
         if not len(block):
             return
         t = block.t
-        before = np.concatenate([[self.last], t[:-1]])
-        if (t <= before).any():
+        if t[0] <= self.last or (t[1:] <= t[:-1]).any():
+            before = np.concatenate([[self.last], t[:-1]])
             at = int(np.argmax(t <= before))
             raise self.node.broken(
                 self.port.name,

@@ -13,7 +13,7 @@ from lodeflow.errors import ContractError, RunError
 from lodeflow.graph.model import Wire
 from lodeflow.runtime.blocks import BlockDriver
 from lodeflow.runtime.exchange import Alone, Driver, Exchange
-from lodeflow.runtime.feed import Batch, LiveFeed, feeds, max_delay
+from lodeflow.runtime.feed import Batch, LiveFeed, feeds, gathered, max_delay
 from lodeflow.runtime.plan import Plan, PlanNode
 from lodeflow.runtime.samples import SampleDriver
 from lodeflow.sync import END, NEVER
@@ -120,7 +120,8 @@ class Engine:
     def _run_blocks(self) -> None:
         self.driver = driver = BlockDriver(self.plan)
         self.exchange.attach(driver)
-        sources = feeds(self.plan.sources, self.clock, self.duration)
+        read = feeds(self.plan.sources, self.clock, self.duration)
+        sources = {name: gathered(feed) for name, feed in read.items()}
         reached = dict.fromkeys(sources, NEVER)
         try:
             while reached or self.exchange.is_open():

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lodeflow.clock import Clock
+from lodeflow.clock import Clock, monotonic
 from lodeflow.errors import ContractError
 from lodeflow.graph.model import Loss
 from lodeflow.messages.cdr import FIRST_STAMP, LAST_STAMP
@@ -22,6 +22,10 @@ from lodeflow.sync import END, NEVER, Bound
 
 INBOX_SIZE = 10_000
 """Items that a live source may be ahead of the run before its samples overflow."""
+ROWS = 4096
+"""Rows that blocks of data at rest are gathered to: what a block costs is then next to nothing."""
+PATIENCE = 0.05
+"""Seconds after which a slow source's rows go on although they are fewer."""
 
 
 def max_delay(node: PlanNode) -> int | None:
@@ -118,12 +122,12 @@ class Intake:
         if not len(t):
             return block
         before = max(self.last[index], NEVER if self.live else self.floor - 1)
+        if t[0] > before and (t[1:] > t[:-1]).all():
+            return block
         highest = np.maximum.accumulate(np.concatenate([[before], t[:-1]]))
         onward = t > highest
-        if not onward.all():
-            self.node.counters.lose("disorder", int(len(t) - onward.sum()))
-            block = block[onward]
-        return block
+        self.node.counters.lose("disorder", int(len(t) - onward.sum()))
+        return block[onward]
 
 
 def finite_rows(block: Message) -> NDArray[np.bool_] | None:
@@ -190,6 +194,41 @@ def feeds(
     stamps = [block.t[0] for head in heads.values() for batch in head for _, block in batch.blocks]
     until = int(min(stamps, default=0)) + duration
     return {name: _limited(heads[name], feed, until) for name, feed in found.items()}
+
+
+def gathered(feed: Generator[Batch], rows: int = ROWS) -> Generator[Batch]:
+    """Yield the batches of a feed joined until a port has so many rows, or `PATIENCE` is over."""
+    held: list[Batch] = []
+    counts: dict[int, int] = {}
+    since = monotonic()
+    try:
+        for batch in feed:
+            held.append(batch)
+            for port, block in batch.blocks:
+                counts[port] = counts.get(port, 0) + len(block)
+            if max(counts.values(), default=0) >= rows or monotonic() - since >= PATIENCE:
+                yield _joined(held)
+                held, counts, since = [], {}, monotonic()
+    except RAISED:  # what came before the failure is not lost
+        if held:
+            yield _joined(held)
+        raise
+    finally:
+        feed.close()
+    if held:
+        yield _joined(held)
+
+
+def _joined(batches: list[Batch]) -> Batch:
+    """Return consecutive batches of one source as one."""
+    if len(batches) == 1:
+        return batches[0]
+    blocks: dict[int, list[Any]] = {}
+    for batch in batches:
+        for port, block in batch.blocks:
+            blocks.setdefault(port, []).append(block)
+    joined = [(port, type(parts[0]).concat(parts)) for port, parts in sorted(blocks.items())]
+    return Batch(joined, batches[-1].bound)
 
 
 def _head(feed: Iterator[Batch]) -> list[Batch]:

@@ -16,7 +16,7 @@ import lodeflow as lf
 from lodeflow.clock import SimClock
 from lodeflow.errors import ContractError, NodeFailure
 from lodeflow.runtime import feed as feeds
-from lodeflow.runtime.feed import batches
+from lodeflow.runtime.feed import batches, gathered
 from lodeflow.sync import END
 
 SETTINGS = settings(max_examples=150, deadline=None, derandomize=True, database=None)
@@ -263,3 +263,60 @@ def test_a_source_without_end_is_cut() -> None:
 def test_a_bound_beyond_the_end_is_the_end() -> None:
     assert read(source(ramp(2), lf.Bound(2**70)))[0] == [[(0, 0.0), (1, 1.0)]]
     assert read(source(lf.Bound(np.int64(1)), ramp(2)))[0] == [[(1, 1.0)]]
+
+
+def gather(plugin: type[lf.Source], most: int) -> list[tuple[dict[int, list[int]], int]]:
+    """Return the stamps of each port, and the bound, of each gathered batch."""
+    return [
+        ({port: one.t.tolist() for port, one in batch.blocks}, batch.bound)
+        for batch in gathered(batches(planned(plugin), SimClock()), most)
+    ]
+
+
+def test_small_blocks_are_gathered_to_some_rows_and_the_rest_goes_on_at_the_end() -> None:
+    found = gather(source(ramp(3), ramp(5)[3:], ramp(9)[5:], ramp(10)[9:]), 4)
+    assert found == [
+        ({0: [0, 1, 2, 3, 4]}, 5),
+        ({0: [5, 6, 7, 8]}, 9),
+        ({0: [9]}, END),
+    ]
+
+
+def test_ports_are_gathered_side_by_side_and_bounds_go_on() -> None:
+    def read_(self: lf.Source, clock: lf.Clock) -> Iterator[Pair]:
+        yield Pair(ramp(1), None)
+        yield Pair(None, ramp(2)[1:])
+        yield lf.Bound(7)  # type: ignore[misc]
+        yield Pair(Reading(8, 0.0), None)
+
+    assert gather(reading(read_, pair=True), 2) == [({0: [0, 8], 1: [1]}, 9), ({}, END)]
+
+
+def test_a_slow_source_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter(range(100))
+    monkeypatch.setattr(feeds, "monotonic", lambda: float(next(clock)))
+    assert [bound for _, bound in gather(source(ramp(1), ramp(2)[1:]), 10)] == [1, 2, END]
+
+
+def test_what_came_before_a_failure_is_gathered_and_not_lost() -> None:
+    feed = gathered(batches(planned(source(ramp(2), ramp(3)[2:], OSError())), SimClock()))
+    ((_, one),) = next(feed).blocks
+    assert one.t.tolist() == [0, 1, 2]
+    with pytest.raises(NodeFailure):
+        next(feed)
+
+
+def test_a_feed_that_is_no_longer_gathered_is_closed() -> None:
+    closed = []
+
+    def read_(self: lf.Source, clock: lf.Clock) -> Iterator[Reading]:
+        try:
+            yield ramp(3)
+            yield ramp(6)[3:]
+        finally:
+            closed.append(True)
+
+    feed = gathered(batches(planned(reading(read_)), SimClock()), 3)
+    next(feed)
+    feed.close()
+    assert closed == [True]

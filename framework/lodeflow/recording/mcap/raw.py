@@ -11,17 +11,42 @@ from numpy.typing import NDArray
 
 from lodeflow.errors import MessageError
 from lodeflow.recording.mcap.file import McapFile, where
-from lodeflow.recording.mcap.records import LOG_TIME_AT, PREFIX, Op, message_layout
+from lodeflow.recording.mcap.records import PREFIX, Op, message_layout
 from lodeflow.recording.mcap.summary import ChunkPlace
 
-_LENGTH_AT, _CHANNEL_AT = 1, 9
-_DATA_AT = message_layout(0).itemsize
+_HEAD = message_layout(0)
+_DATA_AT = _HEAD.itemsize
 
 
 def numbers_at(raw: bytes | memoryview, offset: int, kind: str) -> NDArray[Any]:
     """Return the numbers that begin `offset` bytes behind each byte, unaligned and not copied."""
     size = np.dtype(kind).itemsize
     return np.ndarray(max(0, len(raw) - offset - size + 1), kind, raw, offset, strides=(1,))
+
+
+def step_of(starts: NDArray[np.int64]) -> int | None:
+    """Return by how many bytes places lie apart, if all by as many; None if not."""
+    if len(starts) == 1:
+        return 0
+    step = int(starts[1] - starts[0])
+    return step if step > 0 and (np.diff(starts) == step).all() else None
+
+
+def picked(
+    raw: bytes | memoryview, starts: NDArray[np.int64], offset: int, kind: Any
+) -> NDArray[Any]:
+    """Return the values that begin `offset` bytes behind each place; a view if evenly spaced.
+
+    Args:
+        raw: bytes in which all of them lie.
+        starts: (N,) places, N > 0.
+        offset: bytes from each place to its value.
+        kind: numpy type of a value.
+    """
+    step = step_of(starts)
+    if step is None:
+        return numbers_at(raw, offset, kind)[starts]
+    return np.ndarray(len(starts), kind, raw, int(starts[0]) + offset, strides=(step,))
 
 
 def places(
@@ -42,10 +67,11 @@ def places(
     if entries["offset"].max() > len(raw) - _DATA_AT:
         raise MessageError("the message index is damaged, or a message is cut off")
     starts = entries["offset"].astype(np.int64)
-    lengths = numbers_at(raw, _LENGTH_AT, "<u8")[starts]
-    good = (np.frombuffer(raw, np.uint8)[starts] == Op.MESSAGE).all()
-    good = good and (numbers_at(raw, _CHANNEL_AT, "<u2")[starts] == channels).all()
-    good = good and (numbers_at(raw, LOG_TIME_AT, "<u8")[starts] == entries["log_time"]).all()
+    heads = picked(raw, starts, 0, _HEAD)
+    lengths = heads["length"]
+    good = (heads["op"] == Op.MESSAGE).all()
+    good = good and (heads["channel"] == channels).all()
+    good = good and (heads["log_time"] == entries["log_time"]).all()
     good = good and (lengths <= len(raw) - PREFIX.size - entries["offset"]).all()
     good = good and (lengths >= _DATA_AT - PREFIX.size).all()
     if not good or _overlap(starts, starts + lengths.astype(np.int64) + PREFIX.size):
@@ -90,8 +116,7 @@ class Rows(NamedTuple):
         """Copy payloads out of a chunk."""
         first = int(sizes[0])
         if first and (sizes == first).all():
-            anywhere = np.ndarray(len(raw) - first + 1, f"V{first}", raw, strides=(1,))
-            data = anywhere[starts].tobytes()
+            data = picked(raw, starts, 0, f"V{first}").tobytes()
         else:
             pairs = zip(starts.tolist(), sizes.tolist(), strict=True)
             data = b"".join([raw[start : start + size] for start, size in pairs])

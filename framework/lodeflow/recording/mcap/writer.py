@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
+import os
 import zlib
+from collections import deque
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self
@@ -15,19 +19,23 @@ from numpy.typing import NDArray
 
 from lodeflow.errors import RecordingError
 from lodeflow.recording.mcap import records as encode
-from lodeflow.recording.mcap.chunk import Chunk
+from lodeflow.recording.mcap.chunk import Chunk, Encode, Sealed
 from lodeflow.recording.mcap.records import MAGIC, Op
 from lodeflow.recording.mcap.unpack import SMALL_CHUNK
 
 MOST_CHANNELS = (1 << 16) - 1
+SEALERS = min(4, os.cpu_count() or 1)
+"""Threads that compress; also the full chunks that may wait for them, which bounds the memory."""
 
 
 class McapWriter:
     """Writes MCAP as columns: N fixed-size messages of one channel at once, no per-message Python.
 
-    Each record goes to the operating system as soon as it is whole, so a killed process loses
-    the open chunk and nothing else; schemas and channels stand outside the chunks for the same
-    reason. Equal calls give equal bytes. For use by one thread at a time.
+    Full chunks are compressed in threads of the writer's own while the next one fills, and go to
+    the operating system in their order, as soon as they are whole: a killed process loses the open
+    chunk and what was being compressed, and nothing behind a `flush_chunk`. Schemas and channels
+    stand outside the chunks for the same reason. Equal calls give equal bytes. For use by one
+    thread at a time.
 
     Args:
         path: file to create; an existing file is never overwritten.
@@ -54,10 +62,14 @@ class McapWriter:
         if not 1 <= chunk_bytes <= SMALL_CHUNK:
             raise self._error(f"chunk_bytes must be 1 to {SMALL_CHUNK}, not {chunk_bytes}")
         self._compression = compression
+        self._chunk_bytes = chunk_bytes
         try:
-            self._chunk = Chunk(chunk_bytes, compression)
+            self._chunks = deque([Chunk(chunk_bytes, compression)])  # full ones, and one to fill
         except (ValueError, ImportError) as error:
             raise self._error(str(error)) from error
+        self._sealers = ThreadPoolExecutor(SEALERS, "sealer")  # it starts threads when needed
+        self._sealed: dict[Chunk, Future[Sealed]] = {}
+        self._spare: list[Chunk] = []
         self._schemas: dict[tuple[str, str], int] = {}
         self._counts: dict[int, int] = {}  # messages so far, by channel
         self._written: dict[int, int] = {}  # those of them that are in the file
@@ -167,16 +179,35 @@ class McapWriter:
                 channel, a closed recording, or a file that cannot be written. Of a write that
                 is refused for its arguments, nothing is recorded.
         """
-        self._require_open()
-        if channel not in self._counts:
-            raise self._error(f"no channel {channel}; open it with channel() first")
-        if t.dtype != np.int64 or t.ndim != 1:
-            raise self._error(f"stamps must be int64 of shape (N,), not {t.dtype} {t.shape}")
         if records.dtype != np.uint8 or records.ndim != 2 or len(records) != len(t):
             raise self._error(
                 f"records must be uint8 of shape ({len(t)}, size), a row for each stamp, not "
                 f"{records.dtype} {records.shape}"
             )
+        self.write_encoded(
+            channel, t, records.shape[1], lambda rows, out: np.copyto(out, records[rows])
+        )
+
+    def write_encoded(self, channel: int, t: NDArray[np.int64], size: int, encode: Encode) -> None:
+        """Write N messages of one size to a channel, encoded where they go, and not copied.
+
+        Args:
+            channel: id from `channel`.
+            t: log and publish times, shape (N,), int64, ns, not negative.
+            size: bytes of each message.
+            encode: called with a slice of the rows and where to write their bytes, shape
+                (rows, size), uint8, contiguous rows that lie apart; once per chunk. What it
+                raises is passed on, and those rows are not recorded.
+
+        Raises:
+            RecordingError: stamps of another shape or type, a negative stamp, an unknown channel,
+                a closed recording, or a file that cannot be written.
+        """
+        self._require_open()
+        if channel not in self._counts:
+            raise self._error(f"no channel {channel}; open it with channel() first")
+        if t.dtype != np.int64 or t.ndim != 1:
+            raise self._error(f"stamps must be int64 of shape (N,), not {t.dtype} {t.shape}")
         if not len(t):
             return
         if t.min() < 0:
@@ -184,26 +215,51 @@ class McapWriter:
             raise self._error(f"row {row}: {_negative(int(t[row]))}")
         done = 0
         while done < len(t):
-            room = self._chunk.room(records.shape[1])
+            room = self._chunks[-1].room(size)
             if not room:
-                self.flush_chunk()
+                self._next_chunk()
+                self._write_full(SEALERS)
                 continue
-            rows = slice(done, done + room)
-            self._chunk.fill(channel, self._counts[channel], t[rows], records[rows])
-            filled = min(room, len(t) - done)
-            self._counts[channel] += filled
-            done += filled
+            rows = slice(done, min(done + room, len(t)))
+            self._chunks[-1].fill(channel, self._counts[channel], t[rows], size, rows, encode)
+            self._counts[channel] += rows.stop - done
+            done = rows.stop
 
     def flush_chunk(self) -> None:
-        """Close the open chunk, if there is one, and hand it to the operating system.
+        """Close the open chunk, if there is one, and hand all to the operating system.
 
         Raises:
             RecordingError: the recording is closed, or the file cannot be written.
         """
         self._require_open()
-        if not self._chunk:
-            return
-        sealed, offset = self._chunk.seal(), self._size
+        if self._chunks[-1]:
+            self._next_chunk()
+        self._write_full(0)
+
+    def _next_chunk(self) -> None:
+        spare = self._spare.pop() if self._spare else Chunk(self._chunk_bytes, self._compression)
+        # This one step makes the open chunk a full one, so that Ctrl-C cannot come in between.
+        self._chunks.append(spare)
+
+    def _write_full(self, most: int) -> None:
+        """Let full chunks be compressed, and write them; at most so many are then left."""
+        if most:  # with all of them to wait for, the last one is no faster in another thread
+            for chunk in itertools.islice(self._chunks, len(self._chunks) - 1):
+                if chunk not in self._sealed:
+                    self._sealed[chunk] = self._sealers.submit(chunk.seal)
+        while (full := len(self._chunks) - 1) > 0:
+            chunk = self._chunks[0]
+            future = self._sealed.get(chunk)
+            if full <= most and future is not None and not future.done():
+                break
+            self._append_sealed(chunk.seal() if future is None else future.result())
+            self._chunks.popleft()
+            self._sealed.pop(chunk, None)
+            chunk.clear()
+            self._spare.append(chunk)
+
+    def _append_sealed(self, sealed: Sealed) -> None:
+        offset = self._size
         index_at = end = offset + len(sealed.record)
         index_offsets = {}
         for channel, index in sealed.indexes.items():
@@ -226,7 +282,6 @@ class McapWriter:
                 sealed.raw_size,
             )
         )
-        self._chunk.clear()
 
     def close(self) -> None:
         """Write what is left, the summary and the footer; no-op if closed or failed before.
@@ -237,6 +292,7 @@ class McapWriter:
         if self._ended:
             return
         self.flush_chunk()
+        self._sealers.shutdown()
         self._append(self._end())
         self._ended = "it is closed"
         try:
@@ -272,6 +328,7 @@ class McapWriter:
                 self._put(record)
             self._crc, self._size = crc, self._size + sum(map(len, records))
         except OSError as error:
+            self._sealers.shutdown(wait=False, cancel_futures=True)
             self._give_up(error)
         except BaseException:  # Ctrl-C inside a record must not leave half of it
             self._rewind(self._size)
