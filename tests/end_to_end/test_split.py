@@ -69,7 +69,7 @@ def test_the_recording_has_the_logs_and_the_summary_of_all_groups(toy: CommandLi
 def test_a_failing_node_is_told_with_its_group_and_ends_the_run(toy: CommandLine) -> None:
     done = toy("run", "toy.yaml", "--set", "double.fail_at=150", "--json", code=1)
     error = summary(done.stdout)["error"]
-    assert error.startswith("group 'gains' failed: node 'double' (Gain.step_block) failed at t=5")
+    assert error.startswith("group 'gains' failed: node 'double' (Gain.step_block) failed at t=")
     assert "ValueError: broken on purpose (toys.py:" in error
     toy("info", "out.mcap")
 
@@ -81,7 +81,7 @@ def test_the_others_go_on_where_the_graph_says_so(toy: CommandLine) -> None:
                "--arg", "seconds=30", "--json", code=1)  # fmt: skip
     told = summary(done.stdout)
     assert told["streams"]["triple"] == 6000
-    assert told["streams"]["sum"] == 100
+    assert told["streams"]["sum"] == told["streams"]["double"] < 6000
     assert told["links"]["ends"]["gains"]["gaps"] == 1
     assert "the others go on" in done.stderr
     toy("info", "out.mcap")
@@ -130,16 +130,18 @@ def test_a_slow_reader_holds_the_sources_back(toy: CommandLine) -> None:
 def test_a_slow_reader_makes_a_live_device_overflow_and_that_is_counted(toy: CommandLine) -> None:
     toy.write("live.yaml", toys.GRAPH.replace(
         '{use: "toys:Ticks", params: {rate: "${rate}", seconds: "${seconds}"}}',
-        '{use: "toys:Device", params: {burst: 10}}').replace(
+        '{use: "toys:Device", params: {burst: 20}}').replace(
         "args: {rate: 200, seconds: 3600}\n", ""))  # fmt: skip
-    process = toy.start("run", "live.yaml", "--set", "double.sleep=0.0003", "--json", "--no-record",
-                        "--duration", "3")  # fmt: skip
-    output, errors = process.communicate(timeout=120)
+    process = toy.start("run", "live.yaml", "--set", "double.sleep=0.01", "--json")  # fmt: skip
+    wait_for_recording(toy.folder / "out.mcap")
+    time.sleep(5.0)
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=30)
     told = summary(output)
     lost = told["nodes"]["ticks"]["lost"]
     assert process.returncode == 1, errors
     assert set(lost) == {"overflow"}
-    assert told["streams"]["double"] == told["streams"]["ticks"] == told["nodes"]["sum"]["stepped"]
+    assert lost["overflow"] > 1000
 
 
 def test_unknown_groups_and_ambiguous_endpoints_are_told(toy: CommandLine) -> None:

@@ -133,7 +133,7 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
             logging.getLogger("lodeflow").exception("in group '%s'", name)
         closing()
         window.close()
-        _close(setup, name, plan, engine, links, report)
+        _close(setup, name, plan, engine, links, report, tell)
         close()
     return report
 
@@ -155,7 +155,13 @@ def open_window(
 
 
 def _close(
-    setup: Setup, name: str, plan: Plan, engine: Engine, links: Links, report: Report
+    setup: Setup,
+    name: str,
+    plan: Plan,
+    engine: Engine,
+    links: Links,
+    report: Report,
+    tell: Tell,
 ) -> None:
     """Say what there was, and see that it arrives."""
     report.first, report.reached = engine.first, engine.last
@@ -165,7 +171,8 @@ def _close(
     lossless_links = all(losses.is_lossless for losses in links.losses.values())
     report.lossless = plan.lossless and (lossless_links or group.allow_gaps)
     links.note(json.dumps({"report": as_summary(setup, report).as_dict()}))
-    patience = 1.0 if report.stopped or report.error else None
+    tell(report)  # now, because whoever does not take the rest may take too long
+    patience = 0.6 if report.stopped or report.error else None
     left = links.farewell(patience)
     if left and report.error is None and not report.stopped:
         report.error = str(RunError(f"group '{name}' could not hand over {left} frames"))

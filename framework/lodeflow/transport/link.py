@@ -21,6 +21,9 @@ WINDOW = 1024
 """Frames on their way at most."""
 WINDOW_BYTES = 32 << 20
 """Bytes on their way at most (one frame more, where a frame is larger)."""
+WINDOW_ROWS, FEW = 1 << 14, 8
+"""Records on their way at most, where they are in more than a few frames: samples of a live device
+are to wait at the device, where they are counted when they overflow."""
 ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 1 << 20, 0.02
 """What is taken is acknowledged after so many frames, bytes, or seconds."""
 HELLO_EVERY = 0.05
@@ -95,8 +98,8 @@ class Link:
         self._taken_since = 0.0
         self._asked = (-1, 0.0)
         self._next = 0
-        self._unacked: deque[tuple[int, bytes, bytes]] = deque()
-        self._bytes = 0
+        self._unacked: deque[tuple[int, bytes, bytes, int]] = deque()
+        self._bytes = self._rows = 0
         self._progress = 0.0
         self._patience = SEND_AGAIN_AFTER
         self._greeted = 0.0
@@ -117,7 +120,12 @@ class Link:
     @property
     def is_full(self) -> bool:
         """Whether the other side has to catch up first."""
-        return not self.closed and (len(self._unacked) >= WINDOW or self._bytes >= WINDOW_BYTES)
+        frames = len(self._unacked)
+        return not self.closed and (
+            frames >= WINDOW
+            or self._bytes >= WINDOW_BYTES
+            or (self._rows >= WINDOW_ROWS and frames > FEW)
+        )
 
     def send(
         self, kind: int, stream: int, first: int, bound: int, count: int, payload: bytes
@@ -129,8 +137,9 @@ class Link:
         self._next += 1
         sequence = self.incarnation << COUNT_BITS | number
         attachment = attach(sequence, first, bound, count, kind, self.index, stream)
-        self._unacked.append((number, attachment, payload))
+        self._unacked.append((number, attachment, payload, count))
         self._bytes += len(payload)
+        self._rows += count
         put(self.publisher, payload, attachment)
 
     def receive(self, frame: Frame, now: float) -> None:
@@ -217,7 +226,7 @@ class Link:
         self.closed = True
         self._unacked.clear()
         self.arrived.clear()
-        self._bytes = 0
+        self._bytes = self._rows = 0
 
     def _say(self, kind: int, done: int, missing: int = 0) -> None:
         sequence = self.incarnation << COUNT_BITS
@@ -257,7 +266,9 @@ class Link:
         if number > self._next:
             return
         while self._unacked and self._unacked[0][0] < number:
-            self._bytes -= len(self._unacked.popleft()[2])
+            _, _, payload, rows = self._unacked.popleft()
+            self._bytes -= len(payload)
+            self._rows -= rows
             self._progress = now
             self._patience = SEND_AGAIN_AFTER
 
@@ -266,7 +277,7 @@ class Link:
     ) -> None:
         """Send the oldest frames again: so many from a number on, no more after so many bytes."""
         self._progress = now
-        for _, attachment, payload in [one for one in self._unacked if one[0] >= since][:most]:
+        for _, attachment, payload, _ in [one for one in self._unacked if one[0] >= since][:most]:
             self.sent_again += 1
             put(self.publisher, payload, attachment)
             size -= len(payload)
