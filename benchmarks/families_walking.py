@@ -5,7 +5,7 @@
 A node is driven as in a run, by the driver of blocks and by that of single samples; the time holds
 the messages that come in and go out. The reference does the same over the whole record at once,
 as one would write it with numpy and scipy, which is allowed to look ahead. All take turns; the
-median round counts.
+best round counts.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
@@ -207,9 +206,7 @@ def by_samples(row: Row, streams: Streams) -> Callable[[], object]:
     return run
 
 
-def median_times(
-    forms: dict[str, tuple[Callable[[], object], int]], rounds: int
-) -> dict[str, float]:
+def best_times(forms: dict[str, tuple[Callable[[], object], int]], rounds: int) -> dict[str, float]:
     """µs per sample of each form, by turns."""
     times: dict[str, list[float]] = {name: [] for name in forms}
     for turn in range(rounds + 1):  # the first round warms up
@@ -218,7 +215,7 @@ def median_times(
             run()
             if turn:
                 times[name].append((time.perf_counter() - start) / count * 1e6)
-    return {name: statistics.median(found) for name, found in times.items()}
+    return {name: min(found) for name, found in times.items()}
 
 
 def main() -> None:
@@ -237,7 +234,7 @@ def main() -> None:
             "samples": (by_samples(row, few), len(few.imu)),
             "numpy": (lambda row=row: row.reference(whole), args.samples),
         }
-        results[row.plugin] = median_times(forms, args.rounds)
+        results[row.plugin] = best_times(forms, args.rounds)
     if args.json:
         print(json.dumps({"unit": "microseconds per sample", **results}))
         return

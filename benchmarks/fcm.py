@@ -20,7 +20,7 @@ import numpy as np
 
 from lodeflow_plugins.interference import fuzzy_c_means
 
-CLUSTERS, ITERATIONS, NEVER = 5, 10, 1e-9
+CLUSTERS, ITERATIONS, NEVER = 5, 40, 1e-9
 
 
 def ours(points: np.ndarray) -> None:

@@ -1,18 +1,11 @@
 """The study that prints Tables 1 and 2 of Liu et al. 2018."""
 
-import importlib.util
 import json
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 STUDY = Path(__file__).parents[2] / "graphs" / "studies" / "tilt_tables.yaml"
-
-pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("lodeflow.study") is None, reason="there are no studies"
-)
 
 
 def test_each_entry_is_as_printed(tmp_path):

@@ -164,7 +164,7 @@ def gather(m: Vector, constants: np.ndarray, state: np.ndarray, x: np.ndarray) -
         state[FIELD_SUM + i] += y[i]
         state[RATE_SUM + i] += state[RATE + i]
     state[COUNT] += 1.0
-    if state[SINCE_STEP] >= constants[10]:
+    if state[PHASE] == NOTHING or state[SINCE_STEP] >= constants[10]:
         step(constants, state, x)
 
 
