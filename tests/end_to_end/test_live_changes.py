@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 import pytest
-import toys
+import split_toys
 from command_line import CommandLine
 from processes import wait_for_recording
 
@@ -18,8 +18,8 @@ from processes import wait_for_recording
 def test_a_change_is_in_force_from_one_stamp_on_and_replayed(
     lodeflow: CommandLine, way: str
 ) -> None:
-    lodeflow.write("toys.py", toys.MODULE)
-    lodeflow.write("toy.yaml", toys.GRAPH)
+    lodeflow.write("toys.py", split_toys.MODULE)
+    lodeflow.write("toy.yaml", split_toys.GRAPH)
     process = lodeflow.start("run", "toy.yaml", "--processes", way, "--realtime", "--json")
     wait_for_recording(lodeflow.folder / "out.mcap")
 
@@ -64,7 +64,7 @@ def gains(lodeflow: CommandLine, name: str) -> dict[int, float]:
 
 TABLE = """\
 import json, sys
-import toys
+import split_toys
 from lodeflow.recording.reader import Recording
 with Recording("out.mcap") as recording:
     rows = [[int(t), float(v)] for b in recording.stream("/" + sys.argv[1], toys.Count)

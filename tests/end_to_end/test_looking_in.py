@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import toys
+import split_toys
 import zenoh
 from command_line import CommandLine
 from processes import gone
@@ -31,8 +31,8 @@ STEP = 5_000_000
 
 @pytest.fixture
 def toy(lodeflow: CommandLine) -> CommandLine:
-    lodeflow.write("toys.py", toys.MODULE)
-    lodeflow.write("toy.yaml", toys.GRAPH)
+    lodeflow.write("toys.py", split_toys.MODULE)
+    lodeflow.write("toy.yaml", split_toys.GRAPH)
     return lodeflow
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import toys
+import split_toys
 from command_line import CommandLine
 from processes import children, gone, wait_for_recording
 
@@ -21,8 +21,8 @@ RUN_DIR = "run"
 
 @pytest.fixture
 def toy(lodeflow: CommandLine) -> CommandLine:
-    lodeflow.write("toys.py", toys.MODULE)
-    lodeflow.write("toy.yaml", toys.GRAPH)
+    lodeflow.write("toys.py", split_toys.MODULE)
+    lodeflow.write("toy.yaml", split_toys.GRAPH)
     return lodeflow
 
 
@@ -128,7 +128,7 @@ def test_a_slow_reader_holds_the_sources_back(toy: CommandLine) -> None:
 
 
 def test_a_slow_reader_makes_a_live_device_overflow_and_that_is_counted(toy: CommandLine) -> None:
-    toy.write("live.yaml", toys.GRAPH.replace(
+    toy.write("live.yaml", split_toys.GRAPH.replace(
         '{use: "toys:Ticks", params: {rate: "${rate}", seconds: "${seconds}"}}',
         '{use: "toys:Device", params: {burst: 20}}').replace(
         "args: {rate: 200, seconds: 3600}\n", ""))  # fmt: skip

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-import toys
+import split_toys
 from command_line import CommandLine
 from processes import children, is_running, wait_for_recording
 from test_split import RUN_DIR
@@ -23,8 +23,8 @@ PATIENCE = 2.0
 @pytest.mark.parametrize("way", WAYS)
 def test_everything_ends(lodeflow: CommandLine, way: str, seed: int) -> None:
     run_dir = lodeflow.folder / RUN_DIR
-    lodeflow.write("toys.py", toys.MODULE)
-    lodeflow.write("toy.yaml", toys.GRAPH)
+    lodeflow.write("toys.py", split_toys.MODULE)
+    lodeflow.write("toy.yaml", split_toys.GRAPH)
     before = set(Path("/dev/shm").iterdir())
     process = lodeflow.start("run", "toy.yaml", "--realtime", "--json")
     wait_for_recording(lodeflow.folder / "out.mcap")
