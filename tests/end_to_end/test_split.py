@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import time
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,32 @@ def test_every_graph_records_the_same_in_one_process_and_in_one_per_node(
         lodeflow("run", graphs / "heading.yaml", "--processes", way, "--record", f"{way}.mcap",
                  "--arg", "duration=20")  # fmt: skip
     assert "the same" in lodeflow("compare", "one.mcap", "split.mcap").stdout
+
+
+def test_two_hosts_record_the_same(toy: CommandLine) -> None:
+    """Two supervisors, each with its own run directory, linked over TCP alone."""
+    toy("run", "toy.yaml", "--processes", "one", "--arg", "seconds=5", "--record", "one.mcap")
+    ports = [free_port(), free_port()]
+    here = toy.start(
+        *("run", "toy.yaml", "--arg", "seconds=5", "--record", "hosts.mcap"),
+        *("--only", "ends,recorder"),
+        *("--listen", f"ends=tcp/127.0.0.1:{ports[0]}"),
+        *("--listen", f"recorder=tcp/127.0.0.1:{ports[1]}"),
+    )
+    there = toy.start(
+        *("run", "toy.yaml", "--arg", "seconds=5", "--only", "source", "--only", "gains"),
+        *("--connect", f"tcp/127.0.0.1:{ports[0]}", "--connect", f"tcp/127.0.0.1:{ports[1]}"),
+    )
+    for process in (there, here):
+        _, errors = process.communicate(timeout=60)
+        assert process.returncode == 0, errors
+    assert "the same" in toy("compare", "one.mcap", "hosts.mcap").stdout
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def test_the_recording_has_the_logs_and_the_summary_of_all_groups(toy: CommandLine) -> None:

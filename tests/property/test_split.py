@@ -26,7 +26,7 @@ from lodeflow.transport.links import Links
 from lodeflow.transport.session import LINKS, close_session, open_session
 
 SETTINGS = settings(
-    max_examples=60,
+    max_examples=40,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
@@ -125,7 +125,7 @@ def test_streams_do_not_depend_on_the_split(case: Case, seed: int) -> None:
     check(case, seed)
 
 
-@settings(SETTINGS, max_examples=15)
+@settings(SETTINGS, max_examples=10)
 @given(cases(), st.integers(0, 2**32))
 def test_nor_on_how_little_a_link_takes(case: Case, seed: int) -> None:
     """With a window of two frames, everybody waits for everybody, and nobody for ever."""
