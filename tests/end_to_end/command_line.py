@@ -15,6 +15,8 @@ import pytest
 
 from lodeflow.cli import main
 
+RUN_DIR = "run"
+"""Where the tests' own runs have their sockets, in the folder of the test."""
 COMMAND = [sys.executable, "-W", "error", "-m", "lodeflow.cli"]
 
 
@@ -26,7 +28,7 @@ class CommandLine:
         self.started: list[subprocess.Popen[str]] = []
         self.environment = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
         # Runs of other tests, and of whoever runs the tests, are none of ours.
-        runtime = folder / "run"
+        runtime = folder / RUN_DIR
         runtime.mkdir(mode=0o700)
         self.environment["XDG_RUNTIME_DIR"] = str(runtime)
 

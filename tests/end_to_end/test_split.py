@@ -16,8 +16,6 @@ from command_line import CommandLine
 from processes import children, gone, wait_for_recording
 
 ALL = ("one", "graph", "split")
-RUN_DIR = "run"
-"""Where the tests' own runs have their sockets, in the folder of the test."""
 
 
 @pytest.fixture

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 import split_toys
-from command_line import CommandLine
+from command_line import RUN_DIR, CommandLine
 from processes import children, is_running, wait_for_recording
-from test_split import RUN_DIR
 
 WAYS = ("SIGINT", "SIGTERM", "a child", "the supervisor", "the recorder")
 PATIENCE = 2.0

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import nodes
@@ -180,3 +180,29 @@ def run_samples(case: Case, rng: random.Random) -> tuple[Streams, dict[str, Any]
     assert driver.unfinished() == []
     driver.count()
     return streams, counts(plan)
+
+
+START = 100
+"""Added to all stamps: a delayer looks back, and MCAP has no negative times."""
+
+
+def playing(blocks: list[Any], cuts: list[int]) -> type:
+    """Return a source that yields the blocks, cut at some stamps."""
+
+    class Playing(nodes.Given):
+        def read(self, clock: Any) -> Iterator[nodes.Pair]:
+            for first, last in zip([0, *cuts], [*cuts, 2**62], strict=True):
+                yield nodes.Pair(*[b[(b.t >= first) & (b.t < last)] for b in blocks])
+
+    return Playing
+
+
+def with_sources(case: Case, rng: random.Random) -> Graph:
+    """Return the graph of a case, with sources that have its data."""
+    built = dict(case.graph.nodes)
+    for name, blocks in case.data.items():
+        moved = [nodes.Value(block.t + START, block.value) for block in blocks]
+        stamps = np.unique(np.concatenate([block.t for block in moved])).tolist()
+        cuts = [t for t in stamps if rng.random() < 0.3]
+        built[name] = replace(built[name], plugin=playing(moved, cuts))
+    return replace(case.graph, nodes=built)

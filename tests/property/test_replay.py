@@ -5,51 +5,23 @@ from __future__ import annotations
 import functools
 import random
 import tempfile
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import nodes
-import numpy as np
 import pytest
-from graphs import Case, cases
+from graphs import Case, cases, with_sources
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from lodeflow.graph import Graph, Record, Wire
+from lodeflow.graph import Record, Wire
 from lodeflow.recording import recorder
 from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.replay import replaying
 from lodeflow.supervisor.run import run
-
-START = 100
-"""Added to all stamps: a delayer looks back, and MCAP has no negative times."""
-
-
-def playing(blocks: list[Any], cuts: list[int]) -> type:
-    """Return a source that yields the blocks, cut at some stamps."""
-
-    class Playing(nodes.Given):
-        def read(self, clock: Any) -> Iterator[nodes.Pair]:
-            for first, last in zip([0, *cuts], [*cuts, 2**62], strict=True):
-                yield nodes.Pair(*[b[(b.t >= first) & (b.t < last)] for b in blocks])
-
-    return Playing
-
-
-def with_sources(case: Case, rng: random.Random) -> Graph:
-    """Return the graph of a case, with sources that have its data."""
-    built = dict(case.graph.nodes)
-    for name, blocks in case.data.items():
-        moved = [nodes.Value(block.t + START, block.value) for block in blocks]
-        stamps = np.unique(np.concatenate([block.t for block in moved])).tolist()
-        cuts = [t for t in stamps if rng.random() < 0.3]
-        built[name] = replace(built[name], plugin=playing(moved, cuts))
-    return replace(case.graph, nodes=built)
 
 
 def records(path: Path) -> dict[str, list[tuple[int, bytes]]]:

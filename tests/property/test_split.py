@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from graphs import Case, Streams, cases, collect, counts, run_blocks
+from graphs import START, Case, Streams, cases, collect, counts, run_blocks, with_sources
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from test_replay import START, with_sources
 
 from lodeflow.graph.model import Graph, Group, Wire
 from lodeflow.graph.partition import Part, partition
