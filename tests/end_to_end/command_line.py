@@ -29,7 +29,7 @@ class CommandLine:
         self.environment = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
         # Runs of other tests, and of whoever runs the tests, are none of ours.
         runtime = folder / RUN_DIR
-        runtime.mkdir(mode=0o700)
+        runtime.mkdir(mode=0o700, exist_ok=True)
         self.environment["XDG_RUNTIME_DIR"] = str(runtime)
 
     def __call__(self, *arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:

@@ -243,7 +243,7 @@ def test_a_limit_on_files_does_the_same(
     lodeflow: CommandLine, quick: InProcess, graphs: Path
 ) -> None:
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3_333_333, before[1]))  # processes inherit it
+    resource.setrlimit(resource.RLIMIT_FSIZE, (13_333_333, before[1]))  # processes inherit it
     try:
         done = lodeflow(
             "run", graphs / "heading.yaml", "--arg", "duration=1000", "--record", "run.mcap", code=1
@@ -251,5 +251,5 @@ def test_a_limit_on_files_does_the_same(
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "File too large. The recording ends here" in done.stderr
-    assert (lodeflow.folder / "run.mcap").stat().st_size <= 3_333_333
+    assert (lodeflow.folder / "run.mcap").stat().st_size <= 13_333_333
     check_full(quick, Path("run.mcap"), done)

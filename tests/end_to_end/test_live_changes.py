@@ -64,7 +64,7 @@ def gains(lodeflow: CommandLine, name: str) -> dict[int, float]:
 
 TABLE = """\
 import json, sys
-import split_toys
+import toys
 from lodeflow.recording.reader import Recording
 with Recording("out.mcap") as recording:
     rows = [[int(t), float(v)] for b in recording.stream("/" + sys.argv[1], toys.Count)
