@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 import logging
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -15,8 +17,6 @@ import pytest
 
 from lodeflow.cli import main
 
-RUN_DIR = "run"
-"""Where the tests' own runs have their sockets, in the folder of the test."""
 COMMAND = [sys.executable, "-W", "error", "-m", "lodeflow.cli"]
 
 
@@ -28,9 +28,8 @@ class CommandLine:
         self.started: list[subprocess.Popen[str]] = []
         self.environment = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
         # Runs of other tests, and of whoever runs the tests, are none of ours.
-        runtime = folder / RUN_DIR
-        runtime.mkdir(mode=0o700, exist_ok=True)
-        self.environment["XDG_RUNTIME_DIR"] = str(runtime)
+        self.runtime = Path(tempfile.mkdtemp(prefix="lf-"))
+        self.environment["XDG_RUNTIME_DIR"] = str(self.runtime)
 
     def __call__(self, *arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
         """Run to the end and check the exit code."""
@@ -71,6 +70,7 @@ class CommandLine:
             for pipe in (process.stdout, process.stderr):
                 if pipe is not None:
                     pipe.close()
+        shutil.rmtree(self.runtime, ignore_errors=True)
 
     def write(self, name: str, text: str) -> Path:
         """Write a file into the folder."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import split_toys
-from command_line import RUN_DIR, CommandLine
+from command_line import CommandLine
 from processes import children, is_running, wait_for_recording
 
 WAYS = ("SIGINT", "SIGTERM", "a child", "the supervisor", "the recorder")
@@ -21,7 +21,6 @@ PATIENCE = 2.0
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("way", WAYS)
 def test_everything_ends(lodeflow: CommandLine, way: str, seed: int) -> None:
-    run_dir = lodeflow.folder / RUN_DIR
     lodeflow.write("toys.py", split_toys.MODULE)
     lodeflow.write("toy.yaml", split_toys.GRAPH)
     before = set(Path("/dev/shm").iterdir())
@@ -45,7 +44,7 @@ def test_everything_ends(lodeflow: CommandLine, way: str, seed: int) -> None:
     took = time.monotonic() - begun
     assert [pid for pid in started if is_running(pid)] == []
     assert took < PATIENCE, errors
-    assert list((run_dir / "lodeflow").iterdir()) == []
+    assert list((lodeflow.runtime / "lodeflow").iterdir()) == []
     assert set(Path("/dev/shm").iterdir()) <= before
     expected = {"SIGINT": 130, "SIGTERM": 130, "the supervisor": -signal.SIGKILL}
     assert process.returncode == expected.get(way, 1), errors
