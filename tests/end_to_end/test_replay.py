@@ -82,11 +82,23 @@ def recorded(quick: InProcess, recording: Path) -> CommandLine:
     return quick
 
 
+NEED_DATA = {"gravimetry", "pedestrian", "steps"}
+"""Graphs on other people's recordings, which tests/plugins/test_graphs.py runs where they are."""
+
+
 def test_check_passes_on_every_graph(quick: InProcess, graphs: Path) -> None:
     trial(quick.folder / "trial.mat")
     quick("import", "broad", "trial.mat", "trial.mcap")
-    given = {"heading": ["--arg", "duration=20"], "broad": ["--arg", "recording=trial.mcap"]}
+    given = {
+        "heading": ["--arg", "duration=20"],
+        "attitude": ["--arg", "recording=trial.mcap"],
+        "broad": ["--arg", "recording=trial.mcap"],
+        # This process has had Zenoh sessions, and cannot be forked any more.
+        "dmc": ["--arg", "duration=60", "--processes", "one"],
+    }
     for graph in sorted(graphs.glob("*.yaml")):
+        if graph.stem in NEED_DATA:
+            continue
         quick("run", graph, "--record", f"{graph.stem}.mcap", *given.get(graph.stem, ()))
         for speed in ([], ["--speed", "1e6"]):
             done = quick("replay", f"{graph.stem}.mcap", "--check", *speed)
