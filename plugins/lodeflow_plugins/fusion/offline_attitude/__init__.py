@@ -1,0 +1,1 @@
+"""Attitude of a recording, from what came before and after."""
