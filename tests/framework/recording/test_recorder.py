@@ -175,7 +175,9 @@ def test_logs_arrive_on_rosout(path):
     assert stamps[-1] >= 2_990_000_000
 
 
-def test_logs_of_any_length_level_and_script_decode(path):
+def test_logs_of_any_length_level_and_script_decode(path, monkeypatch):
+    # A lone surrogate that pytest captures could not travel between its own processes.
+    monkeypatch.setattr(logging.getLogger("lodeflow"), "propagate", False)
     texts = ["", "a", "ab", "abc", "µ" * 300, "\ud800", "100 % done", "two\nlines"]
     recorder = Recorder(path, graph="", provenance={})
     plan = plan_of()
