@@ -56,7 +56,7 @@ def run_node(
         NodeFailure, ContractError: as in a run.
         NodeError: its parameters have no value, or one that does not fit.
     """
-    harness = _Harness(plugin, params, inputs)
+    harness = Harness(plugin, params, inputs)
     sent = harness.run_blocks([END])
     return {port.name: port.type.concat(sent[port.name]) for port in plugin.spec.outputs}
 
@@ -104,7 +104,7 @@ def _check_node(
     plugin: type[Node], params: Mapping[str, Any] | None, inputs: Inputs | None, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    harness = _Harness(plugin, params, random_inputs(plugin, rng) if inputs is None else inputs)
+    harness = Harness(plugin, params, random_inputs(plugin, rng) if inputs is None else inputs)
     before = harness.fingerprint()
     whole = harness.encoded(harness.run_blocks([END]))
     _check_inputs(plugin, harness, before)  # first: whatever comes after would differ as well
@@ -122,7 +122,7 @@ def _check_node(
     _check_inputs(plugin, harness, before)
 
 
-def _check_inputs(plugin: type, harness: _Harness, before: list[bytes]) -> None:
+def _check_inputs(plugin: type, harness: Harness, before: list[bytes]) -> None:
     if harness.fingerprint() != before:
         raise _broken(plugin, "inputs must not be modified")
 
@@ -161,7 +161,7 @@ def _random_column(
     return column
 
 
-class _Harness:
+class Harness:
     """A graph of one node, fed by hand."""
 
     def __init__(
@@ -247,7 +247,7 @@ class _Harness:
 
 
 def _compare(
-    plugin: type, rule: str, expected: Streams, sent: dict[str, list[Any]], harness: _Harness
+    plugin: type, rule: str, expected: Streams, sent: dict[str, list[Any]], harness: Harness
 ) -> None:
     found = harness.encoded(sent)
     for port, stream in expected.items():
