@@ -167,3 +167,17 @@ class Fragile(lf.Node):
 
     def step(self, rate: lf.AngularRate) -> lf.AngularRate:
         raise NotImplementedError
+
+
+class Calibrated(lf.Node):
+    """Takes its parameters from a file."""
+
+    class Params(lf.Params):
+        file: lf.CalibrationFile = None
+        """What a calibration wrote."""
+        bias: Annotated[lf.Vec3, lf.Lsb]
+        gain: Annotated[float, lf.Tesla] = 1.0
+        scale: float = 1.0
+
+    def step(self, raw: lf.RawField) -> lf.MagneticField:
+        raise NotImplementedError
