@@ -49,6 +49,25 @@ def new_state(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @njit(cache=True)
+def _weighted(weights: np.ndarray, values: np.ndarray, first: int) -> float:
+    """The weighted sum of the values from `first` on, always taken in this order.
+
+    Four sums at a time, because a processor need not wait for one to begin the next.
+    """
+    n = len(weights)
+    a = b = c = d = 0.0
+    whole = n - n % 4
+    for j in range(0, whole, 4):
+        a += weights[j] * values[first + j]
+        b += weights[j + 1] * values[first + j + 1]
+        c += weights[j + 2] * values[first + j + 2]
+        d += weights[j + 3] * values[first + j + 3]
+    for j in range(whole, n):
+        a += weights[j] * values[first + j]
+    return (a + b) + (c + d)
+
+
+@njit(cache=True)
 def push(
     t: int,
     value: float,
@@ -71,18 +90,13 @@ def push(
     stamps[slot] = t
     seen[0] += 1
     first = slot + 1
-    even = odd = 0.0  # two sums, which a processor adds up at once
-    for j in range(0, n - 1, 2):
-        even += weights[j] * ring[first + j]
-        odd += weights[j + 1] * ring[first + j + 1]
-    even += weights[n - 1] * ring[slot + n]
-    return even + odd, stamps[(first + n // 2) % n]
+    return _weighted(weights, ring, first), stamps[(first + n // 2) % n]
 
 
 def new_columns(weights: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """State of `smooth`: rows (2n, C), stamps (n,), and how many rows came (1,)."""
+    """State of `smooth`: columns (C, 2n), stamps (n,), and how many rows came (1,)."""
     n = len(weights)
-    return np.zeros((2 * n, columns)), np.zeros(n, np.int64), np.zeros(1, np.int64)
+    return np.zeros((columns, 2 * n)), np.zeros(n, np.int64), np.zeros(1, np.int64)
 
 
 @njit(cache=True)
@@ -110,16 +124,13 @@ def smooth(
     for k in range(len(t)):
         slot = seen[0] % n
         for i in range(columns):
-            ring[slot, i] = ring[slot + n, i] = values[k, i]
+            ring[i, slot] = ring[i, slot + n] = values[k, i]
         stamps[slot] = t[k]
         seen[0] += 1
         if seen[0] < n:
             continue
         for i in range(columns):
-            out[found, i] = 0.0
-        for j in range(n):
-            for i in range(columns):
-                out[found, i] += weights[j] * ring[slot + 1 + j, i]
+            out[found, i] = _weighted(weights, ring[i], slot + 1)
         at[found] = stamps[(slot + 1 + n // 2) % n]
         found += 1
     return found
