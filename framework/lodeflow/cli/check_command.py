@@ -10,7 +10,7 @@ import click
 from lodeflow.cli.options import overrides
 from lodeflow.errors import GraphError
 from lodeflow.graph import load_graph
-from lodeflow.study.load import is_study, load_study
+from lodeflow.study.kind import is_study
 
 
 @click.command()
@@ -22,6 +22,8 @@ def command(graphs: tuple[Path, ...], overrides: dict[str, Any]) -> int:
     for path in graphs:
         try:
             if is_study(path):
+                from lodeflow.study.load import load_study  # takes long, and graphs need it not
+
                 study = load_study(path)
                 click.echo(f"{path}: {len(study.cells)} cells, good")
                 continue

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from lodeflow.cli.options import GRAPH, overrides
-from lodeflow.graph import explain
+from lodeflow.graph.explanation import explain
 
 
 @click.command()

@@ -10,7 +10,8 @@ import click
 from lodeflow.cli.looking_in import where
 from lodeflow.cli.options import overrides
 from lodeflow.clock import sleep
-from lodeflow.graph import draw, load_graph
+from lodeflow.graph import load_graph
+from lodeflow.graph.drawing import draw
 from lodeflow.supervisor.looking import Where, run
 from lodeflow.supervisor.vitals import vitals
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from lodeflow.cli.run_command import report
+from lodeflow.cli.report import report
 from lodeflow.errors import NodeError, did_you_mean
 from lodeflow.graph.model import Graph, GraphNode
 from lodeflow.node import Source

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -72,12 +71,3 @@ def score_lines(name: str, score: Message) -> list[tuple[str, str]]:
             text = f"{value:.6g} {field.unit.symbol}".rstrip()
         rows.append((f"{name}: {field.name.replace('_', ' ')}", text))
     return rows
-
-
-def log_to_stderr() -> None:
-    """Show what nodes log."""
-    handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("%(name)s: %(levelname)s: %(message)s"))
-    logger = logging.getLogger("lodeflow")
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)

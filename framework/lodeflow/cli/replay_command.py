@@ -13,9 +13,10 @@ from typing import Any
 import click
 
 from lodeflow.cli.options import JSON, overrides
-from lodeflow.cli.output import STATUS, log_to_stderr
+from lodeflow.cli.logs import log_to_stderr
+from lodeflow.cli.output import STATUS
 from lodeflow.cli.replay_check import Checked, report_check
-from lodeflow.cli.run_command import Progress, report
+from lodeflow.cli.report import Progress, report
 from lodeflow.errors import GraphError, RecordingError
 from lodeflow.graph import Graph, Record, load_graph, load_graph_text
 from lodeflow.recording.compare import compare

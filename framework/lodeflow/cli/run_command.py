@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Group
-from rich.live import Live
-from rich.text import Text
 
+from lodeflow.cli.logs import log_to_stderr
 from lodeflow.cli.options import GRAPH, JSON, overrides
-from lodeflow.cli.output import RESULT, STATUS, log_to_stderr, print_json, score_lines, table
-from lodeflow.clock import monotonic
 from lodeflow.graph import load_graph
 from lodeflow.graph.partition import split, unsplit
 from lodeflow.runtime.plan import Plan
@@ -96,7 +94,7 @@ def command(
         raise click.UsageError("--record and --no-record exclude each other")
     loaded = load_graph(graph, **overrides)
     for note in loaded.notes:
-        STATUS.print(note, soft_wrap=True)
+        click.echo(note, err=True)
     if processes == "split":
         loaded = split(loaded)
     elif processes == "one":
@@ -114,16 +112,16 @@ def command(
             speed=1.0 if realtime else None,
             duration=duration,
             command=sys.argv[1:],
-            say=_say,
+            say=lambda group, line: click.echo(f"[{group}] {line}", err=True),
         )
-        return report(summary, as_json=as_json)
+        return _report(summary, as_json)
     if only or listen or connect:
         raise click.UsageError("--only, --listen and --connect need a graph with processes")
     for endpoint in zenoh_listen:
         if "=" in endpoint:
             raise click.UsageError(f"--zenoh-listen {endpoint}: this graph has no groups")
     log_to_stderr()
-    with Progress() as progress:
+    with _progress() as progress:
         summary = run(
             loaded,
             record="" if no_record else record,
@@ -133,7 +131,7 @@ def command(
             command=sys.argv[1:],
             look=Look(zenoh_listen, zenoh_connect, zenoh_config),
         )
-    return report(summary, as_json=as_json)
+    return _report(summary, as_json)
 
 
 def _endpoints(listen: tuple[str, ...], only: tuple[str, ...]) -> dict[str, list[str]]:
@@ -151,90 +149,19 @@ def _endpoints(listen: tuple[str, ...], only: tuple[str, ...]) -> dict[str, list
     return found
 
 
-def _say(group: str, line: str) -> None:
-    STATUS.print(Text(f"[{group}] {line}"), soft_wrap=True)
+# A run begins sooner without what draws tables: it is imported once there is something to show.
 
 
-def report(summary: Summary, *, as_json: bool = False) -> int:
-    """Print a summary, the error that ended the run to standard error; return the exit code."""
-    if as_json:
-        print_json(summary.as_dict())
-    else:
-        show(summary)
-    if summary.error is not None:
-        STATUS.print(Text(f"lodeflow: {summary.error}", style="red"), soft_wrap=True)
-    return summary.exit_code
+def _progress() -> AbstractContextManager[Callable[[Plan, int], None]]:
+    """Return what shows on a terminal how far the run is."""
+    if not sys.stderr.isatty():
+        return nullcontext(lambda plan, t: None)
+    from lodeflow.cli.report import Progress
+
+    return Progress()
 
 
-def show(summary: Summary) -> None:
-    """Print a summary: samples per stream, losses, scores, the recording's path."""
-    streams = table("stream", ">samples", ">rate", "")
-    for name, counters in summary.counters.items():
-        for port, count in counters.sent.items():
-            stream = name if port == "out" else f"{name}.{port}"
-            rate = f"{(count - 1) / summary.span:.4g} Hz" if summary.span > 0 < count - 1 else ""
-            streams.add_row(stream, str(count), rate, "")
-    RESULT.print(streams)
-    notes = []
-    for name, counters in summary.counters.items():
-        if counters.unmatched:
-            notes.append(f"{name}: {counters.unmatched} rows without partner")
-        if counters.gated:
-            notes.append(f"{name}: {counters.gated} rows held back by a gate")
-        notes += [f"{name}: LOST {count} ({why})" for why, count in counters.lost.items()]
-    for note in notes:
-        RESULT.print(note, style="yellow" if "LOST" in note else None)
-    if summary.scores:
-        RESULT.print()
-        scores = table("score", ">value")
-        for name, score in summary.scores.items():
-            for row in score_lines(name, score):
-                scores.add_row(*row)
-        RESULT.print(scores)
-    RESULT.print()
-    speed = f", {_figures(summary.span / summary.wall)} times real time" if summary.wall else ""
-    RESULT.print(f"{summary.span:.6g} s of data in {summary.wall:.2f} s{speed}")
-    if summary.stopped:
-        RESULT.print("stopped before the end of the data")
-    if summary.recording is not None:
-        RESULT.print(f"recorded to {summary.recording}", soft_wrap=True)
+def _report(summary: Summary, as_json: bool) -> int:
+    from lodeflow.cli.report import report
 
-
-def _figures(ratio: float) -> str:
-    return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
-
-
-class Progress:
-    """Rates and event time on a terminal, while the run goes on; nothing elsewhere."""
-
-    def __init__(self) -> None:
-        self._live = Live(console=STATUS, transient=True, auto_refresh=False)
-        self._shown = False
-        self._before: tuple[float, int] = (monotonic(), 0)
-
-    def __enter__(self) -> Progress:
-        if STATUS.is_terminal:
-            self._live.start()
-            self._shown = True
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._shown:
-            self._live.stop()
-
-    def __call__(self, plan: Plan, t: int) -> None:
-        if not self._shown:
-            return
-        now, total = monotonic(), 0
-        rows = table("node", ">stepped", ">sent", ">lost")
-        for name, node in plan.nodes.items():
-            counters = node.counters
-            sent = sum(counters.sent.values())
-            total += sent
-            lost = sum(counters.lost.values())
-            rows.add_row(name, str(counters.stepped), str(sent), str(lost or ""))
-        then, before = self._before
-        rate = (total - before) / max(now - then, 1e-9)
-        line = f"t = {t / 1e9:.3f} s, {rate:,.0f} messages/s"
-        self._before = (now, total)
-        self._live.update(Group(rows, line), refresh=True)
+    return report(summary, as_json=as_json)

@@ -6,7 +6,7 @@ import json
 
 import click
 
-from lodeflow.graph import schema
+from lodeflow.graph.json_schema import schema
 
 
 @click.command()

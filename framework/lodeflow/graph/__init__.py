@@ -1,9 +1,6 @@
 """Graph files: from YAML to a checked description that holds no live object."""
 
 from lodeflow.graph.calibration_file import dump_calibration
-from lodeflow.graph.drawing import draw
-from lodeflow.graph.explanation import explain
-from lodeflow.graph.json_schema import schema
 from lodeflow.graph.load import dump, load_graph, load_graph_text
 from lodeflow.graph.model import Gate, Graph, GraphNode, Loss, Record, Wire
 from lodeflow.graph.parameters import settings
@@ -17,14 +14,11 @@ __all__ = [
     "Loss",
     "Record",
     "Wire",
-    "draw",
     "dump",
     "dump_calibration",
     "edges",
-    "explain",
     "load_graph",
     "load_graph_text",
     "order",
-    "schema",
     "settings",
 ]

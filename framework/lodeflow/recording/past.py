@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lodeflow.errors import RecordingError, did_you_mean
 from lodeflow.graph import Graph, GraphNode, Wire
 from lodeflow.graph.changes import with_change
 from lodeflow.graph.groups import RECORDER
 from lodeflow.recording.events import CHANGE, GAP, EventKind, in_range
-from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import Recorder, Taker
 from lodeflow.runtime.gaps import without
 from lodeflow.runtime.plan import Change, Plan
+
+if TYPE_CHECKING:  # a run that is no replay need not know how to read
+    from lodeflow.recording.reader import Recording
 
 
 class RecordedChange(NamedTuple):

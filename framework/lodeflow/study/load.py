@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -77,14 +76,6 @@ def load_study(path: str | Path, environment: Mapping[str, str] = os.environ) ->
     notes = tuple(dict.fromkeys(note for cell in cells for note in cell.graph.notes))
     files = grid.files(path)
     return Study(path, name, files, axes, tuple(cells), columns, tables, figures, notes)
-
-
-def is_study(path: Path) -> bool:
-    """Whether a file begins like a study, and not like a graph."""
-    try:
-        return re.search(rb"^lodeflow_study\b", path.read_bytes(), re.MULTILINE) is not None
-    except OSError:
-        return False
 
 
 def _once(problems: Sequence[str]) -> list[str]:

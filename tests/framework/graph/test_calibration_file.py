@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from lodeflow.errors import GraphError
-from lodeflow.graph import dump, dump_calibration, explain, load_graph, load_graph_text
+from lodeflow.graph import dump, dump_calibration, load_graph, load_graph_text
+from lodeflow.graph.explanation import explain
 
 GRAPH = """\
 lodeflow: 1

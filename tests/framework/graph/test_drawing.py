@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from lodeflow.graph import Graph, draw, load_graph, load_graph_text
+from lodeflow.graph import Graph, load_graph, load_graph_text
+from lodeflow.graph.drawing import draw
 from lodeflow.graph.drawing import Format
 
 WALK = Path(__file__).parent / "walk.yaml"

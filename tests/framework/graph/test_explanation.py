@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from lodeflow.errors import GraphError
-from lodeflow.graph import explain
+from lodeflow.graph.explanation import explain
 
 WALK = (Path(__file__).parent / "walk.yaml").read_text()
 

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lodeflow.errors import GraphError
-from lodeflow.graph import Graph, draw, dump, load_graph_text
+from lodeflow.graph import Graph, dump, load_graph_text
+from lodeflow.graph.drawing import draw
 
 GOOD = (Path(__file__).parent / "walk.yaml").read_text()
 PIECES = [*"{}[]:,#&*!|>'\"%@`-? \n\t\\$~<=", "<<: ", "${", "${seed}", "*a", "&a ", "null", "1e999"]

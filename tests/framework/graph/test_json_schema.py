@@ -13,7 +13,8 @@ import toys
 
 import lodeflow as lf
 from lodeflow.errors import NodeError
-from lodeflow.graph import json_schema, load_graph, schema
+from lodeflow.graph import json_schema, load_graph
+from lodeflow.graph.json_schema import schema
 
 PLUGINS = {
     name: getattr(toys, name)
