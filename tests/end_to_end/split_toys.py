@@ -60,6 +60,16 @@ class Sum(lf.Node):
         return Count(a.t, a.value + b.value)
 
 
+class Display(lf.Node):
+    """Only watches, and takes its time."""
+
+    class Params(lf.Params):
+        sleep: float = 0.0
+
+    def step(self, x: Count) -> None:
+        time.sleep(self.params.sleep)
+
+
 class Device(lf.Source):
     """A live device: counts in bursts, a thousand a second."""
 

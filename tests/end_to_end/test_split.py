@@ -16,6 +16,12 @@ from command_line import CommandLine
 from processes import children, gone, wait_for_recording
 
 ALL = ("one", "graph", "split")
+DISPLAY = """\
+nodes:
+  display: {use: "toys:Display", inputs: {x: total}, params: {sleep: 0.005}}
+processes:
+  display: {nodes: [display], latest: true}
+"""
 
 
 @pytest.fixture
@@ -89,6 +95,19 @@ def test_the_recording_has_the_logs_and_the_summary_of_all_groups(toy: CommandLi
     told = toy("info", "out.mcap", "--json").stdout
     assert "rosout" in told
     assert "total" in told
+
+
+@pytest.mark.parametrize("way", ["graph", "split"])
+def test_who_only_watches_holds_nobody_up(toy: CommandLine, way: str) -> None:
+    toy.write("display.yaml", DISPLAY)
+    told = summary(toy("run", "toy.yaml", "--with", "display.yaml", "--processes", way, "--json",
+                       "--arg", "seconds=10").stdout)  # fmt: skip
+    missed = told["links"]["ends" if way == "graph" else "total"]["display"]["missed"]
+    seen = told["nodes"]["display"]["stepped"]
+    assert told["streams"]["total"] == seen + missed == 2000
+    assert missed > 0 < seen
+    assert told["lossless"]
+    toy("replay", "out.mcap", "--check")
 
 
 def test_a_failing_node_is_told_with_its_group_and_ends_the_run(toy: CommandLine) -> None:

@@ -12,8 +12,8 @@ from typing import Any
 
 import click
 
-from lodeflow.cli.options import JSON, overrides
 from lodeflow.cli.logs import log_to_stderr
+from lodeflow.cli.options import JSON, overrides
 from lodeflow.cli.output import STATUS
 from lodeflow.cli.replay_check import Checked, report_check
 from lodeflow.cli.report import Progress, report

@@ -39,6 +39,11 @@ def show(summary: Summary) -> None:
         if counters.gated:
             notes.append(f"{name}: {counters.gated} rows held back by a gate")
         notes += [f"{name}: LOST {count} ({why})" for why, count in counters.lost.items()]
+    for reader, peers in summary.links.items():
+        for peer, losses in peers.items():
+            told = ", ".join(f"{count} {what}" for what, count in losses.items() if count)
+            notes.append(f"link of {reader} and {peer}: {told}")
+    notes += [f"group {group}: began anew {n} times" for group, n in summary.restarts.items()]
     for note in notes:
         RESULT.print(note, style="yellow" if "LOST" in note else None)
     if summary.scores:

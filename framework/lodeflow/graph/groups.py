@@ -14,7 +14,7 @@ from lodeflow.graph.tree import Tree
 
 RECORDER = "recorder"
 """Name of the process that records when a graph is split; no group can be called so."""
-KEYS = ("nodes", "restart", "limit", "on_crash", "allow_gaps")
+KEYS = ("nodes", "restart", "limit", "on_crash", "allow_gaps", "latest")
 
 
 def read_groups(
@@ -65,12 +65,18 @@ def _group(
     elif not is_misspelt(tree, "nodes", KEYS):
         problems.add(tree.name_place, join(path, "nodes"), "missing; list the nodes of the group")
     defaults = Group(())
+    latest = _choice(tree, "latest", path, (True, False), defaults.latest, problems)
+    speaking = [node for node in members if (p := nodes[node].plugin) and p.spec.outputs]
+    if latest and speaking and (place := tree.find("latest")):
+        what = f"'{speaking[0]}' has outputs; only nodes without any may miss samples"
+        place.refuse(problems, join(path, "latest"), what)
     return Group(
         members,
         _choice(tree, "restart", path, get_args(Restart), defaults.restart, problems),
         _limit(tree, path, defaults.limit, problems),
         _choice(tree, "on_crash", path, get_args(OnCrash), defaults.on_crash, problems),
         _choice(tree, "allow_gaps", path, (True, False), defaults.allow_gaps, problems),
+        latest,
     )
 
 

@@ -156,6 +156,7 @@ def schema(plugins: Mapping[str, Plugin] | None = None) -> Json:
                                 "limit": {"type": "integer", "minimum": 0, "default": 5},
                                 "on_crash": {"enum": list(get_args(OnCrash)), "default": "stop"},
                                 "allow_gaps": {"type": "boolean", "default": False},
+                                "latest": {"type": "boolean", "default": False},
                             },
                             "required": ["nodes"],
                             "additionalProperties": False,

@@ -94,6 +94,7 @@ class Group:
         limit: starts again within a run, at most.
         on_crash: what the others do when it is not started again.
         allow_gaps: a crash of this group does not fail the run.
+        latest: it only watches: what comes while it is behind is not kept for it, but counted.
     """
 
     nodes: tuple[str, ...]
@@ -101,6 +102,7 @@ class Group:
     limit: int = 5
     on_crash: OnCrash = "stop"
     allow_gaps: bool = False
+    latest: bool = False
 
 
 @dataclass(frozen=True)

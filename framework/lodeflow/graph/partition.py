@@ -40,9 +40,15 @@ class Part:
 
 
 def split(graph: Graph) -> Graph:
-    """Return the graph with a group for each node, named like it."""
-    groups = {f"{n}-node" if n == RECORDER else n: Group((n,)) for n in graph.nodes}
-    listed = {name: list(group.nodes) for name, group in groups.items()}
+    """Return the graph with a group for each node, named like it; who only watches goes on so."""
+    watching = {node for group in graph.processes.values() if group.latest for node in group.nodes}
+    groups = {
+        f"{n}-node" if n == RECORDER else n: Group((n,), latest=n in watching) for n in graph.nodes
+    }
+    listed = {
+        name: {"nodes": list(group.nodes), "latest": True} if group.latest else list(group.nodes)
+        for name, group in groups.items()
+    }
     document = {**graph.document, "processes": listed}
     return replace(graph, processes=groups, document=document)
 

@@ -29,7 +29,7 @@ class Summary:
         stopped: it was told to stop before its sources ended.
         lossless: no source lost a message that the graph does not allow to lose.
         error: what ended it early.
-        links: what each link between processes lost, by reading and sending group.
+        links: what each link between processes lost, by the group that counted it and its peer.
         restarts: how often each process group was started again.
     """
 

@@ -176,9 +176,9 @@ def _process(old: Mapping[str, Any], new: Mapping[str, Any], elapsed: float) -> 
         sum(link["waiting"] for link in links.values()),
         sum(link["arrived"] for link in links.values()),
         {
-            f"{what} from {peer}": link[what]
+            f"{what} {'by' if what == 'missed' else 'from'} {peer}": link[what]
             for peer, link in links.items()
-            for what in ("gaps", "restarts", "undecodable")
+            for what in ("gaps", "restarts", "undecodable", "missed")
             if link[what]
         },
         new["foreign"],

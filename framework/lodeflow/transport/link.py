@@ -24,6 +24,8 @@ WINDOW_BYTES = 32 << 20
 WINDOW_ROWS, FEW = 1 << 14, 8
 """Records on their way at most, where they are in more than a few frames: samples of a live device
 are to wait at the device, where they are counted when they overflow."""
+LATEST_WINDOW = 64
+"""Frames on their way at most to who only watches: so far it can be behind."""
 ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 1 << 20, 0.02
 """What is taken is acknowledged after so many frames, bytes, or seconds."""
 HELLO_EVERY = 0.05
@@ -68,6 +70,8 @@ class Link:
         publisher: at the other group's key.
         incarnation: of this process, above 0.
         graph: digest of the graph that runs here.
+        latest: the other group only watches; it holds nobody back, and misses what comes while
+            its window is full.
 
     Attributes:
         arrived: frames in order that nobody has worked on yet.
@@ -80,11 +84,18 @@ class Link:
     """
 
     def __init__(
-        self, peer: str, index: int, publisher: zenoh.Publisher, incarnation: int, graph: bytes
+        self,
+        peer: str,
+        index: int,
+        publisher: zenoh.Publisher,
+        incarnation: int,
+        graph: bytes,
+        latest: bool = False,
     ) -> None:
         self.peer, self.index = peer, index
         self.publisher = publisher
         self.incarnation, self.graph = incarnation, graph
+        self.latest = latest
         self.ready = False
         self.joined = self.peer_ready = self.departed = self.closed = False
         self.restarts = 0
@@ -122,7 +133,7 @@ class Link:
         """Whether the other side has to catch up first."""
         frames = len(self._unacked)
         return not self.closed and (
-            frames >= WINDOW
+            frames >= (LATEST_WINDOW if self.latest else WINDOW)
             or self._bytes >= WINDOW_BYTES
             or (self._rows >= WINDOW_ROWS and frames > FEW)
         )

@@ -24,6 +24,7 @@ from lodeflow.transport import keys
 from lodeflow.transport.frame import INCARNATIONS, Frame, attach
 from lodeflow.transport.link import HELLO_EVERY, Link
 from lodeflow.transport.losses import Gap, LinkLosses
+from lodeflow.transport.outlet import Outlet
 from lodeflow.transport.session import put
 from lodeflow.transport.ticker import Ticker
 
@@ -31,8 +32,6 @@ CAPACITY = 1 << 16
 """Frames that may wait in Zenoh's queue; the windows of all links keep it far from full."""
 BATCH = 32
 """Frames that are worked on before what came of them is passed on."""
-FRAME_BYTES = 256 << 10
-"""Size above which a block is cut into several frames."""
 PATIENCE = 5.0
 """Seconds between two words on whom a group waits for."""
 LINGER = 0.5
@@ -81,6 +80,7 @@ class Links:
                 ),
                 self.incarnation,
                 digest,
+                peer in graph.processes and graph.processes[peer].latest,
             )
             for peer in part.peers
         }
@@ -94,12 +94,17 @@ class Links:
         self.layouts: dict[Wire, Layout] = {
             wire: layout_of(kinds[wire]) for wire in {*part.inlets, *part.outlets}
         }
+        self.losses = {name: LinkLosses() for name in self.by_name}
         self._outlets = [
-            _Outlet(self.wires.index(wire), wire, [self.by_name[name] for name in readers])
+            Outlet(
+                self.wires.index(wire),
+                wire,
+                self.layouts[wire],
+                {self.by_name[name]: self.losses[name] for name in readers},
+            )
             for wire, readers in part.outlets.items()
         ]
         self.bounds = dict.fromkeys(part.inlets, NEVER)
-        self.losses = {name: LinkLosses() for name in self.by_name}
         self.foreign = 0
         self.gaps: list[Gap] = []
         self._opened: dict[Wire, Gap] = {}
@@ -153,15 +158,14 @@ class Links:
             self.note(self._notes.popleft())
         for outlet in self._outlets:
             bound = NEVER if driver is None else driver.bound(outlet.wire)
-            if outlet.queue or bound > outlet.bound:
-                self._send(outlet, bound)
+            outlet.send(bound)
         now = monotonic()
         for link in self.links.values():
             link.tend(now)
 
     def has_room(self) -> bool:
         """Whether all readers keep up."""
-        return not any(link.is_full for link in self.links.values())
+        return not any(link.is_full and not link.latest for link in self.links.values())
 
     def behind(self) -> int:
         """Return the least bound of the streams that do not depend on this group."""
@@ -363,47 +367,6 @@ class Links:
         gap = Gap(wire, self.part.name, peer, since, until)
         self.gaps.append(gap)
         self.note(gap.as_json())
-
-    def _send(self, outlet: _Outlet, bound: int) -> None:
-        layout = self.layouts[outlet.wire]
-        readers = [link for link in outlet.readers if not link.closed]
-        queue = outlet.queue
-        while queue:
-            message = queue.popleft()
-            if not message.is_block and queue and not queue[0].is_block:
-                samples = [message]
-                while queue and not queue[0].is_block:
-                    samples.append(queue.popleft())
-                message = layout.kind.stack(samples)
-            if not message.is_block:
-                t = message.t
-                payload = layout.encode_sample(message)
-                outlet.bound = bound if not queue and bound > t else t + 1
-                for link in readers:
-                    link.send(frames.DATA, outlet.number, t, outlet.bound, 1, payload)
-                continue
-            rows = max(1, FRAME_BYTES // layout.size)
-            for at in range(0, len(message), rows):
-                piece = message[at : at + rows] if len(message) > rows else message
-                last = not queue and at + rows >= len(message)
-                t = piece.t
-                outlet.bound = bound if last and bound > t[-1] else int(t[-1]) + 1
-                payload = layout.encode_block(piece).tobytes()
-                for link in readers:
-                    link.send(frames.DATA, outlet.number, int(t[0]), outlet.bound, len(t), payload)
-        if bound > outlet.bound:
-            outlet.bound = bound
-            for link in readers:
-                link.send(frames.DATA, outlet.number, 0, bound, 0, b"")
-
-
-class _Outlet:
-    """A stream that other groups read."""
-
-    def __init__(self, number: int, wire: Wire, readers: Sequence[Link]) -> None:
-        self.number, self.wire, self.readers = number, wire, readers
-        self.queue: deque[Any] = deque()
-        self.bound = NEVER
 
 
 def _speaks_by_step(graph: Graph, wire: Wire) -> bool:

@@ -18,16 +18,18 @@ class LinkLosses:
         restarts: how often the sender began anew.
         repeated: messages that a restarted sender computed again, and that had arrived before.
         undecodable: frames that did not hold what they should.
+        missed: messages that were not sent to a group which only watches, because it was behind.
     """
 
     gaps: int = 0
     restarts: int = 0
     repeated: int = 0
     undecodable: int = 0
+    missed: int = 0
 
     @property
     def is_lossless(self) -> bool:
-        """Whether everything arrived."""
+        """Whether everything arrived that was to."""
         return not (self.gaps or self.restarts or self.undecodable)
 
     def as_dict(self) -> dict[str, int]:

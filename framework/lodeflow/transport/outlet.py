@@ -1,0 +1,77 @@
+"""Outlet: a stream of this group that other groups read, on its way into their links."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+from lodeflow.graph import Wire
+from lodeflow.messages.cdr import Layout
+from lodeflow.sync import END, NEVER
+from lodeflow.transport import frame as frames
+from lodeflow.transport.link import Link
+from lodeflow.transport.losses import LinkLosses
+
+FRAME_BYTES = 256 << 10
+"""Size above which a block is cut into several frames."""
+
+
+class Outlet:
+    """A stream that other groups read.
+
+    Args:
+        number: of the stream, the same in every group.
+        wire: the stream.
+        layout: of its records.
+        readers: the links to its readers, with what each of them loses.
+
+    Attributes:
+        queue: messages that are still to be sent, samples and blocks.
+        bound: what the readers were told.
+    """
+
+    def __init__(
+        self, number: int, wire: Wire, layout: Layout, readers: Mapping[Link, LinkLosses]
+    ) -> None:
+        self.number, self.wire, self.layout, self.readers = number, wire, layout, readers
+        self.queue: deque[Any] = deque()
+        self.bound = NEVER
+
+    def send(self, bound: int) -> None:
+        """Send all that waits, each block in frames of moderate size, and the bound of the port."""
+        queue, layout = self.queue, self.layout
+        while queue:
+            message = queue.popleft()
+            if not message.is_block and queue and not queue[0].is_block:
+                samples = [message]
+                while queue and not queue[0].is_block:
+                    samples.append(queue.popleft())
+                message = layout.kind.stack(samples)
+            if not message.is_block:
+                t = message.t
+                self.bound = bound if not queue and bound > t else t + 1
+                self._hand(t, 1, layout.encode_sample(message))
+                continue
+            rows = max(1, FRAME_BYTES // layout.size)
+            for at in range(0, len(message), rows):
+                piece = message[at : at + rows] if len(message) > rows else message
+                last = not queue and at + rows >= len(message)
+                t = piece.t
+                self.bound = bound if last and bound > t[-1] else int(t[-1]) + 1
+                self._hand(int(t[0]), len(t), layout.encode_block(piece).tobytes())
+        if bound > self.bound:
+            self.bound = bound
+            self._hand(0, 0, b"")
+
+    def _hand(self, first: int, count: int, payload: bytes) -> None:
+        """Send a frame to each reader, unless one only watches and is behind; the end comes."""
+        for link, losses in self.readers.items():
+            if link.closed:
+                continue
+            if not (link.latest and link.is_full):
+                link.send(frames.DATA, self.number, first, self.bound, count, payload)
+                continue
+            losses.missed += count
+            if self.bound == END:
+                link.send(frames.DATA, self.number, 0, END, 0, b"")
