@@ -101,7 +101,7 @@ def test_the_recording_has_the_logs_and_the_summary_of_all_groups(toy: CommandLi
 def test_who_only_watches_holds_nobody_up(toy: CommandLine, way: str) -> None:
     toy.write("display.yaml", DISPLAY)
     told = summary(toy("run", "toy.yaml", "--with", "display.yaml", "--processes", way, "--json",
-                       "--arg", "seconds=10").stdout)  # fmt: skip
+                       "--realtime", "--arg", "rate=1000", "--arg", "seconds=2").stdout)  # fmt: skip
     missed = told["links"]["ends" if way == "graph" else "total"]["display"]["missed"]
     seen = told["nodes"]["display"]["stepped"]
     assert told["streams"]["total"] == seen + missed == 2000

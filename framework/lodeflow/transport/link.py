@@ -24,8 +24,8 @@ WINDOW_BYTES = 32 << 20
 WINDOW_ROWS, FEW = 1 << 14, 8
 """Records on their way at most, where they are in more than a few frames: samples of a live device
 are to wait at the device, where they are counted when they overflow."""
-LATEST_WINDOW = 64
-"""Frames on their way at most to who only watches: so far it can be behind."""
+LATEST = 64
+"""Frames, or records, on their way at most to who only watches: so far it can be behind."""
 ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 1 << 20, 0.02
 """What is taken is acknowledged after so many frames, bytes, or seconds."""
 HELLO_EVERY = 0.05
@@ -132,8 +132,10 @@ class Link:
     def is_full(self) -> bool:
         """Whether the other side has to catch up first."""
         frames = len(self._unacked)
+        if self.latest:
+            return not self.closed and (frames >= LATEST or self._rows >= LATEST)
         return not self.closed and (
-            frames >= (LATEST_WINDOW if self.latest else WINDOW)
+            frames >= WINDOW
             or self._bytes >= WINDOW_BYTES
             or (self._rows >= WINDOW_ROWS and frames > FEW)
         )

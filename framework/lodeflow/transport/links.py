@@ -105,6 +105,7 @@ class Links:
             for wire, readers in part.outlets.items()
         ]
         self.bounds = dict.fromkeys(part.inlets, NEVER)
+        self._watches = part.name in graph.processes and graph.processes[part.name].latest
         self.foreign = 0
         self.gaps: list[Gap] = []
         self._opened: dict[Wire, Gap] = {}
@@ -161,7 +162,7 @@ class Links:
             outlet.send(bound)
         now = monotonic()
         for link in self.links.values():
-            link.tend(now)
+            link.tend(now, at_once=self._watches)
 
     def has_room(self) -> bool:
         """Whether all readers keep up."""

@@ -52,7 +52,7 @@ def node(stepped: int, **sent: int) -> dict[str, Any]:
 
 
 def test_rates_usage_and_latencies() -> None:
-    link = {"waiting": 4, "arrived": 5, "gaps": 1, "restarts": 0, "undecodable": 0}
+    link = {"waiting": 4, "arrived": 5, "gaps": 1, "restarts": 0, "undecodable": 0, "missed": 0}
     before = {
         "a": stats(10.0, nodes={"src": node(0, src=100)}),
         "b": stats(20.0, nodes={"end": node(50, end=50), "mid": node(1, mid=1)}, pid=2),
