@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from pathlib import Path
 
@@ -44,3 +45,10 @@ def wait_for_recording(path: Path, seconds: float = 60.0) -> None:
     while not path.exists() or path.stat().st_size < 6000:
         assert time.monotonic() < until, f"{path} did not appear"
         time.sleep(0.01)
+
+
+def free_port() -> int:
+    """Return a TCP port that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

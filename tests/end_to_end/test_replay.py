@@ -9,9 +9,9 @@ import signal
 import time
 from pathlib import Path
 
+import every_graph
 import numpy as np
 import pytest
-import scipy.io
 import yaml
 from command_line import CommandLine, InProcess
 from mcap.reader import make_reader
@@ -50,24 +50,6 @@ class Rate(lf.Node):
 """
 
 
-def trial(path: Path, rows: int = 2000) -> None:
-    """Write a file in the form of BROAD's, with a gap in the truth."""
-    rng = np.random.default_rng(1)
-    truth = np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1))
-    truth[100:120] = np.nan
-    scipy.io.savemat(
-        path,
-        {
-            "imu_gyr": 0.1 * rng.standard_normal((rows, 3)),
-            "imu_acc": np.array([0, 0, 9.81]) + 0.1 * rng.standard_normal((rows, 3)),
-            "imu_mag": np.array([0, 20, -40]) + rng.standard_normal((rows, 3)),
-            "opt_quat": truth,
-            "movement": np.ones((rows, 1)),
-            "sampling_rate": 2000 / 7,
-        },
-    )
-
-
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of 20 seconds of the heading graph, made once."""
@@ -82,28 +64,15 @@ def recorded(quick: InProcess, recording: Path) -> CommandLine:
     return quick
 
 
-NEED_DATA = {"gravimetry", "pedestrian", "steps"}
-"""Graphs on other people's recordings, which tests/plugins/test_graphs.py runs where they are."""
-
-
-def test_check_passes_on_every_graph(quick: InProcess, graphs: Path) -> None:
-    trial(quick.folder / "trial.mat")
-    quick("import", "broad", "trial.mat", "trial.mcap")
-    given = {
-        "heading": ["--arg", "duration=20"],
-        "attitude": ["--arg", "recording=trial.mcap"],
-        "broad": ["--arg", "recording=trial.mcap"],
-        # This process has had Zenoh sessions, and cannot be forked any more.
-        "dmc": ["--arg", "duration=60", "--processes", "one"],
-    }
-    for graph in sorted(graphs.glob("*.yaml")):
-        if graph.stem in NEED_DATA:
-            continue
-        quick("run", graph, "--record", f"{graph.stem}.mcap", *given.get(graph.stem, ()))
-        for speed in ([], ["--speed", "1e6"]):
-            done = quick("replay", f"{graph.stem}.mcap", "--check", *speed)
-            assert "equal to the byte" in done.stdout
-            assert "differs" not in done.stdout
+@pytest.mark.parametrize("name", every_graph.NAMES)
+def test_check_passes_on_every_graph(quick: InProcess, name: str) -> None:
+    run = ["run", *every_graph.prepared(name, quick), "--record", "rec.mcap"]
+    # This process has had Zenoh sessions, and cannot be forked any more.
+    quick(*run, "--processes", "one")
+    for speed in ([], ["--speed", "1e6"]):
+        done = quick("replay", "rec.mcap", "--check", *speed)
+        assert "equal to the byte" in done.stdout
+        assert "differs" not in done.stdout
     assert not (quick.folder / "recordings").exists()
 
 

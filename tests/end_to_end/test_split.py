@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import time
-from pathlib import Path
 from typing import Any
 
 import pytest
 import split_toys
 from command_line import CommandLine
-from processes import children, gone, wait_for_recording
+from processes import children, free_port, gone, wait_for_recording
 
 ALL = ("one", "graph", "split")
 DISPLAY = """\
@@ -55,41 +53,6 @@ def test_one_some_or_many_processes_record_the_same(
         toy("replay", f"{way}.mcap", "--check")
 
 
-def test_every_graph_records_the_same_in_one_process_and_in_one_per_node(
-    lodeflow: CommandLine, graphs: Path
-) -> None:
-    for way in ("one", "split"):
-        lodeflow("run", graphs / "heading.yaml", "--processes", way, "--record", f"{way}.mcap",
-                 "--arg", "duration=20")  # fmt: skip
-    assert "the same" in lodeflow("compare", "one.mcap", "split.mcap").stdout
-
-
-def test_two_hosts_record_the_same(toy: CommandLine) -> None:
-    """Two supervisors, each with its own run directory, linked over TCP alone."""
-    toy("run", "toy.yaml", "--processes", "one", "--arg", "seconds=5", "--record", "one.mcap")
-    ports = [free_port(), free_port()]
-    here = toy.start(
-        *("run", "toy.yaml", "--arg", "seconds=5", "--record", "hosts.mcap"),
-        *("--only", "ends,recorder"),
-        *("--listen", f"ends=tcp/127.0.0.1:{ports[0]}"),
-        *("--listen", f"recorder=tcp/127.0.0.1:{ports[1]}"),
-    )
-    there = toy.start(
-        *("run", "toy.yaml", "--arg", "seconds=5", "--only", "source", "--only", "gains"),
-        *("--connect", f"tcp/127.0.0.1:{ports[0]}", "--connect", f"tcp/127.0.0.1:{ports[1]}"),
-    )
-    for process in (there, here):
-        _, errors = process.communicate(timeout=60)
-        assert process.returncode == 0, errors
-    assert "the same" in toy("compare", "one.mcap", "hosts.mcap").stdout
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def test_the_recording_has_the_logs_and_the_summary_of_all_groups(toy: CommandLine) -> None:
     toy("run", "toy.yaml", "--arg", "seconds=1")
     told = toy("info", "out.mcap", "--json").stdout
@@ -101,7 +64,8 @@ def test_the_recording_has_the_logs_and_the_summary_of_all_groups(toy: CommandLi
 def test_who_only_watches_holds_nobody_up(toy: CommandLine, way: str) -> None:
     toy.write("display.yaml", DISPLAY)
     told = summary(toy("run", "toy.yaml", "--with", "display.yaml", "--processes", way, "--json",
-                       "--realtime", "--arg", "rate=1000", "--arg", "seconds=2").stdout)  # fmt: skip
+                       "--realtime", "--arg", "rate=1000",
+                       "--arg", "seconds=2").stdout)  # fmt: skip
     missed = told["links"]["ends" if way == "graph" else "total"]["display"]["missed"]
     seen = told["nodes"]["display"]["stepped"]
     assert told["streams"]["total"] == seen + missed == 2000
@@ -178,7 +142,10 @@ def test_a_slow_reader_makes_a_live_device_overflow_and_that_is_counted(toy: Com
         "args: {rate: 200, seconds: 3600}\n", ""))  # fmt: skip
     process = toy.start("run", "live.yaml", "--set", "double.sleep=0.01", "--json")  # fmt: skip
     wait_for_recording(toy.folder / "out.mcap")
-    time.sleep(5.0)
+    lost: dict[str, int] = {}
+    until = time.monotonic() + 60
+    while lost.get("overflow", 0) <= 1000 and time.monotonic() < until:
+        lost = summary(toy("top", "toy", "--once", "--json").stdout)["nodes"]["ticks"]["lost"]
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=30)
     told = summary(output)
@@ -186,6 +153,21 @@ def test_a_slow_reader_makes_a_live_device_overflow_and_that_is_counted(toy: Com
     assert process.returncode == 1, errors
     assert set(lost) == {"overflow"}
     assert lost["overflow"] > 1000
+
+
+@pytest.mark.parametrize("other", [("--no-record",), ("--duration", "3"), ("--arg", "rate=100")])
+def test_hosts_with_other_options_refuse_each_other(
+    toy: CommandLine, other: tuple[str, ...]
+) -> None:
+    port = free_port()
+    here = toy.start("run", "toy.yaml", "--only", "ends,recorder", "--listen",
+                     f"ends=tcp/127.0.0.1:{port}")  # fmt: skip
+    there = toy.start("run", "toy.yaml", "--only", "source,gains", "--connect",
+                      f"tcp/127.0.0.1:{port}", *other)  # fmt: skip
+    for process in (here, there):
+        _, errors = process.communicate(timeout=30)
+        assert process.returncode == 1
+        assert "start all groups with the same file and options (--arg, --set, --swap," in errors
 
 
 def test_unknown_groups_and_ambiguous_endpoints_are_told(toy: CommandLine) -> None:

@@ -26,7 +26,7 @@ def test_the_tree_in_the_docstring_is_the_tree_of_classes() -> None:
         if isinstance(value, type) and issubclass(value, LodeflowError)
     }
     assert drawn == classes
-    assert len(drawn) == 8
+    assert len(drawn) == 9
 
 
 def test_a_graph_error_holds_all_problems() -> None:

@@ -17,9 +17,9 @@ from lodeflow.messages.message import Message
 from lodeflow.runtime.plan import Counters
 
 
-def digest(graph: Graph) -> bytes:
-    """Return 16 bytes that tell a graph from others."""
-    return hashlib.sha256(dump(graph).encode()).digest()[:16]
+def digest(graph: Graph, *options: object) -> bytes:
+    """Return 16 bytes that tell a graph, and options that all groups must share, from others."""
+    return hashlib.sha256("\n".join([dump(graph), *map(str, options)]).encode()).digest()[:16]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Setup:
 
     Attributes:
         graph: the whole graph, with the changes made so far.
-        digest: of the graph at the start, the same in all groups of a run.
+        digest: of the graph at the start and of the options, the same in all groups of a run.
         parts: its groups, those of other hosts included; the recorder is the last.
         here: names of those that run on this host.
         run_dir: where they listen.

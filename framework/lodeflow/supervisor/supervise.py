@@ -82,22 +82,25 @@ def supervise(
         raise RunError(f"a duration is above 0 and below {LONGEST} s, got {duration}")
     found = recording_of(graph, record, command, {})
     recording = None if found is None else Recording(found[0], found[2])
-    parts = partition(graph, () if found is None else found[1])
+    recorded = () if found is None else found[1]
+    parts = partition(graph, recorded)
     here = tuple(only) or tuple(parts)
     for name in [*here, *listen, *open_to]:
         if name not in parts:
             near = did_you_mean(name, parts) or f" (groups: {', '.join(parts)})"
             raise RunError(f"no group '{name}' in graph '{graph.name}'{near}")
-    live = any(getattr(node.plugin, "max_delay", None) is not None for node in graph.nodes.values())
+    samples = speed is not None or any(
+        getattr(node.plugin, "max_delay", None) is not None for node in graph.nodes.values()
+    )
     begun = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC).isoformat()
     run_dir = rundir.begin(graph.name, here, [parts[name].nodes for name in here], begun)
     setup = Setup(
         graph,
-        digest(graph),
+        digest(graph, *recorded, samples, duration),
         parts,
         here,
         run_dir,
-        samples=live or speed is not None,
+        samples=samples,
         speed=speed,
         duration=None if duration is None else seconds(duration),
         recording=recording,

@@ -210,8 +210,9 @@ class Links:
             for link in self.links.values():
                 if link.refused is not None:
                     raise RunError(
-                        f"group '{link.peer}' runs another graph, or the same with other args or "
-                        "overrides; start all groups with the same file and options"
+                        f"group '{link.peer}' runs another graph, or the same with other options; "
+                        "start all groups with the same file and options (--arg, --set, --swap, "
+                        "--with, --record or not, --realtime, --duration)"
                     )
             open_links = [link for link in self.links.values() if not link.closed]
             joined = all(link.joined for link in open_links)

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from lodeflow.graph import Graph, load_graph, load_graph_text
-from lodeflow.graph.drawing import draw
-from lodeflow.graph.drawing import Format
+from lodeflow.graph.drawing import Format, draw
 
 WALK = Path(__file__).parent / "walk.yaml"
 LOOP = """\
