@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, get_args
+from typing import Any
 
 from lodeflow.errors import NodeError, did_you_mean
 from lodeflow.graph.arguments import NAME, RECORD_FIELDS, path_fields
@@ -14,7 +14,15 @@ from lodeflow.graph.model import Graph, GraphNode, Loss, Record, Wire
 from lodeflow.graph.parameters import read_params
 from lodeflow.graph.plugins import Plugin, load_plugin
 from lodeflow.graph.problems import Problems, join, show
-from lodeflow.graph.reading import check_keys, is_file, is_misspelt, mapping, missing, title
+from lodeflow.graph.reading import (
+    check_keys,
+    is_file,
+    is_misspelt,
+    mapping,
+    missing,
+    read_allow,
+    title,
+)
 from lodeflow.graph.tree import Tree
 from lodeflow.graph.wiring import Wiring
 from lodeflow.params import Params
@@ -118,17 +126,7 @@ class _Draft:
             what = f"only a source drops samples, and {self.plugin.__name__} is none; remove it"
             problems.add(tree.name_place, path, what)
             return []
-        losses: tuple[Loss, ...] = get_args(Loss)
-        if not isinstance(tree.value, tuple):
-            what = f"should be a list of {', '.join(losses)}, got {show(tree.plain())}"
-            tree.refuse(problems, path, what)
-        for at, item in enumerate(tree.items):
-            if item.value not in losses:
-                near = did_you_mean(str(item.value), losses) or f" (losses: {', '.join(losses)})"
-                item.refuse(
-                    problems, join(path, at), f"no loss is called {show(item.plain())}{near}"
-                )
-        return [loss for loss in losses if loss in tree.plain()] if tree.items else []
+        return read_allow(tree, path, problems)
 
 
 def _nodes(tree: Tree, problems: Problems) -> dict[str, _Draft] | None:

@@ -32,6 +32,7 @@ _KEY: Json = {
         "key": {"type": "string", "minLength": 1},
         "type": {"type": "string"},
         "max_delay": {"type": ["number", "string"], "default": 0.1},
+        "allow": {"type": "array", "items": {"enum": list(get_args(Loss))}},
     },
     "required": ["key"],
     "additionalProperties": False,

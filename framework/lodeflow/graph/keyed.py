@@ -12,7 +12,7 @@ from lodeflow.errors import MessageError, did_you_mean
 from lodeflow.graph.model import GraphNode
 from lodeflow.graph.plugins import Plugin
 from lodeflow.graph.problems import Problems, join, show
-from lodeflow.graph.reading import check_keys
+from lodeflow.graph.reading import check_keys, read_allow
 from lodeflow.graph.tree import Tree
 from lodeflow.messages.message import Message
 from lodeflow.messages.units import Second
@@ -21,7 +21,7 @@ from lodeflow.params import Params
 
 USE = "zenoh_key"
 """What such a source is called where plugins are named."""
-KEYS = ("key", "type", "max_delay")
+KEYS = ("key", "type", "max_delay", "allow")
 MAX_DELAY = 0.1
 """Seconds that a message may come late, if nothing else is said."""
 _CHUNK = re.compile(r"[^/#?$]+")
@@ -74,7 +74,7 @@ def source_of(kind: type[Message], max_delay: int) -> type[FromKey]:
 def read_key(
     name: str, tree: Tree, path: str, kind: type[Message], problems: Problems
 ) -> GraphNode | None:
-    """Return the source that an input `{key: ..., type: ..., max_delay: ...}` asks for.
+    """Return the source that an input `{key: ..., type: ..., max_delay: ..., allow: ...}` is.
 
     Args:
         name: of the source.
@@ -94,10 +94,13 @@ def read_key(
     if named is not None and named.value not in (kind.__name__, kind.ros):
         what = f"the input takes {kind.__name__} ({kind.ros}), got {show(named.plain())}"
         named.refuse(problems, join(path, "type"), what)
+    listed = tree.find("allow")
+    allow = [] if listed is None else read_allow(listed, join(path, "allow"), problems)
     delay = _max_delay(tree.find("max_delay"), join(path, "max_delay"), problems)
     if len(problems) > before or key is None:
         return None
-    return GraphNode(name, USE, source_of(kind, delay), KeyParams(key=str(key.value)))
+    source, params = source_of(kind, delay), KeyParams(key=str(key.value))
+    return GraphNode(name, USE, source, params, allow=frozenset(allow))
 
 
 def read_keys(tree: Tree | None, plugin: Plugin, path: str, problems: Problems) -> dict[str, str]:

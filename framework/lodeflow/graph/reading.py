@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import get_args
 
 from lodeflow.errors import did_you_mean
+from lodeflow.graph.model import Loss
 from lodeflow.graph.problems import Problems, join, show
 from lodeflow.graph.tree import Tree
 
@@ -84,3 +86,16 @@ def title(tree: Tree, known: Iterable[str], problems: Problems) -> str:
     else:
         return name.value
     return ""
+
+
+def read_allow(tree: Tree, path: str, problems: Problems) -> list[Loss]:
+    """Return the losses that an `allow` lists, as far as they are right."""
+    losses: tuple[Loss, ...] = get_args(Loss)
+    if not isinstance(tree.value, tuple):
+        what = f"should be a list of {', '.join(losses)}, got {show(tree.plain())}"
+        tree.refuse(problems, path, what)
+    for at, item in enumerate(tree.items):
+        if item.value not in losses:
+            near = did_you_mean(str(item.value), losses) or f" (losses: {', '.join(losses)})"
+            item.refuse(problems, join(path, at), f"no loss is called {show(item.plain())}{near}")
+    return [loss for loss in losses if loss in tree.plain()] if tree.items else []
