@@ -134,7 +134,9 @@ def _times(p, q):
     ) @ q  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["vqf", "offline_vqf", "imufusion", "ahrs_madgwick", "ahrs_mahony"])
+@pytest.mark.parametrize(
+    "name", ["vqf", "offline_vqf", "imufusion", "ahrs_madgwick", "ahrs_mahony"]
+)
 def test_our_frames(name):
     """Level and at rest, with the body's x axis to magnetic north: a quarter turn from east."""
     count = 2000
