@@ -34,6 +34,7 @@ def lodeflow_nodes() -> dict[str, str]:
         "quaternion_kalman": f"{kalman}:QuaternionKalman",
         "chu_fuser": f"{kalman}:ChuFuser",
         "vqf": f"{peers}.vqf:Vqf",
+        "offline_vqf": f"{peers}.offline_vqf:OfflineVqf",
         "imufusion": f"{peers}.imufusion:ImuFusion",
         "ahrs_madgwick": f"{peers}.ahrs:AhrsMadgwick",
         "ahrs_mahony": f"{peers}.ahrs:AhrsMahony",

@@ -27,7 +27,8 @@ BUNDLED = {
     "zero_velocity_steps",
 }  # fmt: skip
 PEERS = {
-    "ahrs_madgwick": "ahrs", "ahrs_mahony": "ahrs", "imufusion": "imufusion", "vqf": "vqf",
+    "ahrs_madgwick": "ahrs", "ahrs_mahony": "ahrs", "imufusion": "imufusion",
+    "offline_vqf": "vqf", "vqf": "vqf",
 }  # fmt: skip
 """Plugins that wrap a package of the extra `peers`, and the package."""
 

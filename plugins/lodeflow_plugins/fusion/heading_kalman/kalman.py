@@ -61,6 +61,7 @@ UNKNOWN = math.pi**2 / 3.0
 START_HEADING = (20.0 * math.pi / 180.0) ** 2  # variance of a heading measured for START seconds
 START_FIELD = (10e-6) ** 2  # variance of a field measured for START seconds, tesla^2
 HUGE = 30.0  # level above which the noise grows with its square: such a field says nothing
+AVERAGED = 0.035  # fields are believed to be averaged over no longer, after a gap or with few, s
 RISE = 0.1  # time constant with which the level rises, s
 LARGE, REMAINING = 1.5**2, 0.7**2  # mean square over `disturbance`^2 that is tested, first and then
 CARRIED_AT_LEAST, STANDING_AT_MOST = 0.8, 0.5  # squares of mean lengths over the mean square
@@ -161,7 +162,7 @@ def correct(y: Vector, w: Vector, seconds: float, constants: np.ndarray, x: np.n
     first, second, third = G, G + SIZE, G + 2 * SIZE
     for i in range(SIZE):
         x[first + i], x[second + i], x[third + i] = seen(x, P + SIZE * i, by_state)
-    noise = constants[7] / min(seconds, 2e-9 * constants[10])
+    noise = constants[7] / min(seconds, max(2e-9 * constants[10], AVERAGED))
     u, v, z = seen(x, first, by_state), seen(x, second, by_state), seen(x, third, by_state)
     s = (u[0] + noise, u[1], u[2], u[1], v[1] + noise, v[2], u[2], v[2], z[2] + noise)
     gain = inverse(s)

@@ -135,7 +135,7 @@ class HeadingKalman(lf.Node):
     ) -> Estimates:
         out, believed, reports = headed(attitude, mag, self.constants, self.state)
         t = attitude.values.t
-        return Estimates(lf.Attitude(t, out), message(t[reports], believed))
+        return Estimates(lf.Attitude(t, out), messages(t[reports], believed))
 
 
 def headed(
@@ -166,10 +166,15 @@ def headed(
     return out, believed[:reported], reports[:reported]
 
 
-def message(t: int | np.ndarray, believed: np.ndarray) -> lf.HeadingState:
-    """A report (11,), or reports (N, 11), as a message."""
-    column = believed.T
-    scalars = [column[i].item() if column.ndim == 1 else column[i].copy() for i in (0, 4, 5, 9, 10)]
-    disturbance, hard_iron = [believed[..., i : i + 3].copy() for i in (1, 6)]
-    variance, level, lag, north, up = scalars
+def messages(t: np.ndarray, believed: np.ndarray) -> lf.HeadingState:
+    """Reports (R, 11) as a block."""
+    variance, level, lag, north, up = [believed[:, i].copy() for i in (0, 4, 5, 9, 10)]
+    disturbance, hard_iron = [believed[:, i : i + 3].copy() for i in (1, 6)]
+    return lf.HeadingState(t, variance, disturbance, level, lag, hard_iron, north, up)
+
+
+def message(t: int, believed: np.ndarray) -> lf.HeadingState:
+    """A report (11,) as a sample."""
+    variance, _, _, _, level, lag, _, _, _, north, up = believed.tolist()
+    disturbance, hard_iron = believed[1:4].copy(), believed[6:9].copy()
     return lf.HeadingState(t, variance, disturbance, level, lag, hard_iron, north, up)

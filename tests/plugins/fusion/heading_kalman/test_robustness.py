@@ -141,6 +141,32 @@ def test_a_slow_magnetometer(every, shift):
     assert out.rms(20, 200) < 0.8
 
 
+@pytest.mark.parametrize("interval", [0.0, 0.005, 0.1])
+def test_any_interval_between_steps(interval):
+    out = heading(world(), update_interval=interval)
+    assert out.rms(10, 200) < 0.5
+    assert out.sigma[1000:].max() < 3.0
+
+
+def test_readings_that_are_not_numbers_count_as_none():
+    w = world()
+    bad = np.random.default_rng(0).random(len(w.t)) < 0.5
+    bad |= (w.seconds > 60) & (w.seconds < 100)
+    field = w.field.copy()
+    field[bad] = np.nan
+    field[:1] = np.inf
+    out, without = heading(w, field), heading(w, rows=np.flatnonzero(~bad)[1:])
+    assert out.error[1:].tolist() == without.error[1:].tolist()
+    assert out.state.variance[1:].tolist() == without.state.variance[1:].tolist()
+
+
+def test_stamps_since_1970_change_nothing():
+    w = world()
+    begin = 1_790_000_000_123_456_789
+    late = w._replace(t=w.t + begin, attitude=w.attitude.replace(t=w.t + begin))
+    assert heading(late).error.tolist() == heading(w).error.tolist()
+
+
 def test_a_slow_magnetometer_that_repeats_its_readings():
     w = world()
     repeated = w.field[np.arange(len(w.t)) // 10 * 10]
@@ -257,11 +283,15 @@ def test_a_magnetometer_that_fails_is_not_followed(kind):
     assert (np.abs(out.error[6000:]) < 3.0 * out.sigma[6000:]).mean() > 0.97
 
 
-@pytest.mark.parametrize("kind", ["noise", "zero", "wandering"])
+@pytest.mark.parametrize("kind", ["noise", "zero", "stuck", "wandering"])
 def test_a_magnetometer_that_never_worked_is_not_trusted(kind):
     w = world()
     out = heading(w, useless(kind, w))
     assert (out.sigma[500:] > 30.0).mean() > 0.95
+    if kind in ("zero", "stuck"):  # no reading, or one: the heading is turned once, and coasts
+        came = about_vertical(w.attitude.quaternion, w.quaternion)
+        apart = (out.error - came - (out.error - came)[500] + 180.0) % 360.0 - 180.0
+        assert np.abs(apart[500:]).max() < 1e-6
 
 
 def test_hours():

@@ -71,6 +71,17 @@ def test_vqf_is_silent_before_the_first_reading(data):
     assert estimates("vqf", imu, late).t[0] == late.t[0]
 
 
+@pytest.mark.parametrize("params", [{}, {"rate": RATE}])
+def test_offline_vqf_gives_what_the_package_gives(data, params):
+    imu, mag = data
+    columns = imu.angular_velocity, imu.linear_acceleration, mag.magnetic_field
+    direct = vqf.offlineVQF(*columns, 1 / RATE, {"tauMag": 15.0})["quat9D"]
+    found = estimates("offline_vqf", imu, mag, tau_mag=15.0, **params)
+    assert found.t.tolist() == imu.t.tolist()
+    np.testing.assert_allclose(found.quaternion, np.roll(direct, -1, 1), atol=1e-9)
+    assert not len(estimates("offline_vqf", imu[:1], mag[:1]))
+
+
 def test_imufusion_gives_what_the_package_gives(data):
     imu, mag = data
     settings = imufusion.AhrsSettings()
@@ -123,7 +134,9 @@ def _times(p, q):
     ) @ q  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["vqf", "imufusion", "ahrs_madgwick", "ahrs_mahony"])
+@pytest.mark.parametrize(
+    "name", ["vqf", "offline_vqf", "imufusion", "ahrs_madgwick", "ahrs_mahony"]
+)
 def test_our_frames(name):
     """Level and at rest, with the body's x axis to magnetic north: a quarter turn from east."""
     count = 2000
