@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
 from lodeflow.cli.output import RESULT, STATUS, print_json, score_lines, table
 from lodeflow.clock import monotonic
-from lodeflow.runtime.plan import Plan
+from lodeflow.runtime.plan import Counters
 from lodeflow.supervisor.summary import Summary
 
 
@@ -67,10 +69,20 @@ def _figures(ratio: float) -> str:
 
 
 class Progress:
-    """Rates and event time on a terminal, while the run goes on; nothing elsewhere."""
+    """Rates and event time on a terminal, while the run goes on; nothing elsewhere.
 
-    def __init__(self) -> None:
-        self._live = Live(console=STATUS, transient=True, auto_refresh=False)
+    Args:
+        forks: the run forks processes, which must not get their standard streams from here.
+    """
+
+    def __init__(self, *, forks: bool = False) -> None:
+        self._live = Live(
+            console=STATUS,
+            transient=True,
+            auto_refresh=False,
+            redirect_stdout=not forks,
+            redirect_stderr=not forks,
+        )
         self._shown = False
         self._before: tuple[float, int] = (monotonic(), 0)
 
@@ -84,13 +96,16 @@ class Progress:
         if self._shown:
             self._live.stop()
 
-    def __call__(self, plan: Plan, t: int) -> None:
+    def say(self, group: str, line: str) -> None:
+        """Print a line of a process above the table."""
+        STATUS.print(Text(f"[{group}] {line}"), soft_wrap=True)
+
+    def __call__(self, nodes: Mapping[str, Counters], t: int) -> None:
         if not self._shown:
             return
         now, total = monotonic(), 0
         rows = table("node", ">stepped", ">sent", ">lost")
-        for name, node in plan.nodes.items():
-            counters = node.counters
+        for name, counters in nodes.items():
             sent = sum(counters.sent.values())
             total += sent
             lost = sum(counters.lost.values())

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,11 +13,13 @@ from lodeflow.cli.logs import log_to_stderr
 from lodeflow.cli.options import GRAPH, JSON, overrides
 from lodeflow.graph import load_graph
 from lodeflow.graph.partition import split, unsplit
-from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.run import run
 from lodeflow.supervisor.seen import Look
 from lodeflow.supervisor.summary import Summary
 from lodeflow.supervisor.supervise import supervise
+
+if TYPE_CHECKING:
+    from lodeflow.cli.report import Progress
 
 
 @click.command()
@@ -100,20 +101,22 @@ def command(
     elif processes == "one":
         loaded = unsplit(loaded)
     if loaded.processes:
-        summary = supervise(
-            loaded,
-            only=[name for names in only for name in names.split(",")],
-            listen=_endpoints(listen, only),
-            connect=connect,
-            open_to=_endpoints(zenoh_listen, only),
-            outside=zenoh_connect,
-            config=zenoh_config,
-            record="" if no_record else record,
-            speed=1.0 if realtime else None,
-            duration=duration,
-            command=sys.argv[1:],
-            say=lambda group, line: click.echo(f"[{group}] {line}", err=True),
-        )
+        with _progress(forks=True) as progress:
+            summary = supervise(
+                loaded,
+                only=[name for names in only for name in names.split(",")],
+                listen=_endpoints(listen, only),
+                connect=connect,
+                open_to=_endpoints(zenoh_listen, only),
+                outside=zenoh_connect,
+                config=zenoh_config,
+                record="" if no_record else record,
+                speed=1.0 if realtime else None,
+                duration=duration,
+                command=sys.argv[1:],
+                say=progress.say if progress else _say,
+                progress=progress,
+            )
         return _report(summary, as_json)
     if only or listen or connect:
         raise click.UsageError("--only, --listen and --connect need a graph with processes")
@@ -127,7 +130,7 @@ def command(
             record="" if no_record else record,
             speed=1.0 if realtime else None,
             duration=duration,
-            progress=progress,
+            progress=progress or (lambda counters, t: None),
             command=sys.argv[1:],
             look=Look(zenoh_listen, zenoh_connect, zenoh_config),
         )
@@ -152,13 +155,17 @@ def _endpoints(listen: tuple[str, ...], only: tuple[str, ...]) -> dict[str, list
 # A run begins sooner without what draws tables: it is imported once there is something to show.
 
 
-def _progress() -> AbstractContextManager[Callable[[Plan, int], None]]:
-    """Return what shows on a terminal how far the run is."""
+def _progress(*, forks: bool = False) -> AbstractContextManager[Progress | None]:
+    """Return what shows on a terminal how far the run is; None elsewhere."""
     if not sys.stderr.isatty():
-        return nullcontext(lambda plan, t: None)
+        return nullcontext()
     from lodeflow.cli.report import Progress
 
-    return Progress()
+    return Progress(forks=forks)
+
+
+def _say(group: str, line: str) -> None:
+    click.echo(f"[{group}] {line}", err=True)
 
 
 def _report(summary: Summary, as_json: bool) -> int:

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from lodeflow.clock import monotonic
 from lodeflow.errors import LodeflowError, RunError
 from lodeflow.recording.events import in_range, log_fields
 from lodeflow.runtime.engine import Engine
@@ -90,10 +91,15 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
     for wire in part.outlets:
         plan.tap(wire, links.tap(wire))
     log = _LogSender(links)
+    told = 0.0
     logging.getLogger("lodeflow").addHandler(log)
 
     def watch(t: int) -> None:
+        nonlocal told
         log.reached = max(log.reached, t)
+        if setup.shown and monotonic() - told >= 0.2:
+            told = monotonic()
+            tell(("reached", t, report.counters))
         window.tend(engine.driver)
         answers.tend()
         if links.stop_asked and not engine.stopping.is_set():

@@ -21,7 +21,7 @@ from lodeflow.recording.past import NOTHING, Past
 from lodeflow.recording.provenance import provenance
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import Engine
-from lodeflow.runtime.plan import Plan
+from lodeflow.runtime.plan import Counters, Plan
 from lodeflow.supervisor.interrupt import interruptible
 from lodeflow.supervisor.seen import Look, Seen
 from lodeflow.supervisor.summary import Summary
@@ -29,8 +29,8 @@ from lodeflow.supervisor.summary import Summary
 LONGEST = 2**31
 """Seconds of event time that stamps can tell apart."""
 
-Progress = Callable[[Plan, int], None]
-"""Called now and then with the plan and the event time reached."""
+Progress = Callable[[Mapping[str, Counters], int], None]
+"""Called now and then with the counters of the nodes and the event time reached."""
 
 
 def run(
@@ -39,7 +39,7 @@ def run(
     record: str | None = None,
     speed: float | None = None,
     duration: float | None = None,
-    progress: Progress = lambda plan, t: None,
+    progress: Progress = lambda counters, t: None,
     command: Sequence[str] = (),
     about: Mapping[str, str] = MappingProxyType({}),
     collect: Collection[Wire] = (),
@@ -172,7 +172,7 @@ class _Watch:
     """Between batches: is the recorder keeping up, and is it time to show progress?"""
 
     def __init__(self, plan: Plan, progress: Progress) -> None:
-        self.plan = plan
+        self.counters = {name: node.counters for name, node in plan.nodes.items()}
         self.recorder: Recorder | None = None
         self.seen: Seen | None = None
         self.progress = progress
@@ -186,7 +186,7 @@ class _Watch:
         now = monotonic()
         if now - self.shown >= 0.1:
             self.shown = now
-            self.progress(self.plan, t)
+            self.progress(self.counters, t)
 
 
 @contextmanager

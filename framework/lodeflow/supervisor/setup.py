@@ -54,6 +54,7 @@ class Setup:
         open_to: endpoints of each group at which other programs can look in.
         outside: endpoints of other programs.
         config: Zenoh configuration file with certificates, users and access control.
+        shown: whether somebody looks at the progress of the run.
     """
 
     graph: Graph
@@ -70,6 +71,7 @@ class Setup:
     open_to: Mapping[str, Sequence[str]] = field(default_factory=dict)
     outside: Sequence[str] = ()
     config: Path | None = None
+    shown: bool = False
 
     @property
     def groups(self) -> list[str]:

@@ -25,15 +25,18 @@ from lodeflow.graph.changes import with_change
 from lodeflow.graph.groups import RECORDER
 from lodeflow.graph.model import Group
 from lodeflow.graph.partition import partition
+from lodeflow.runtime.plan import Counters
 from lodeflow.supervisor import rundir
 from lodeflow.supervisor.child import Child
 from lodeflow.supervisor.janitor import Janitor
-from lodeflow.supervisor.run import LONGEST, recording_of
+from lodeflow.supervisor.run import LONGEST, Progress, recording_of
 from lodeflow.supervisor.setup import Recording, Report, Setup, digest
 from lodeflow.supervisor.summary import Summary
 
 PATIENCE = 1.6
 """Seconds that children have to end after Ctrl-C; then they are killed."""
+SHOWN_EVERY = 0.2
+"""Seconds between two looks at the progress."""
 BACKOFF, BACKOFF_MOST = 0.1, 5.0
 """Seconds until a group is started again; doubled each time."""
 
@@ -55,6 +58,7 @@ def supervise(
     duration: float | None = None,
     command: Sequence[str] = (),
     say: Say = lambda group, line: None,
+    progress: Progress | None = None,
 ) -> Summary:
     """Run a graph in a process per group.
 
@@ -71,6 +75,7 @@ def supervise(
         duration: seconds of event time; None for all there is.
         command: arguments of the command line, kept in the recording.
         say: gets what children print, line by line.
+        progress: called now and then with the counters of all nodes and the event time reached.
 
     Returns:
         The summary of the groups that ran here.
@@ -109,15 +114,20 @@ def supervise(
         open_to=open_to,
         outside=outside,
         config=config,
+        shown=progress is not None,
     )
-    return _Supervisor(setup, say).run()
+    return _Supervisor(setup, say, progress or (lambda counters, t: None)).run()
 
 
 class _Supervisor:
     """The groups of one host, from their start to their end."""
 
-    def __init__(self, setup: Setup, say: Say) -> None:
-        self.setup, self.say = setup, say
+    def __init__(self, setup: Setup, say: Say, progress: Progress) -> None:
+        self.setup, self.say, self.progress = setup, say, progress
+        self.reached, self.shown = 0, 0.0
+        self.counters = {
+            node: Counters() for part in setup.here for node in setup.parts[part].nodes
+        }
         self.summary = Summary(setup.graph.name)
         self.children: dict[str, Child] = {}
         self.finished: list[str] = []
@@ -246,6 +256,12 @@ class _Supervisor:
                     self.setup = replace(self.setup, graph=changed)  # for groups started again
                 case ("waiting", missing):
                     self.say(child.name, _waiting(missing, self.setup.here))
+                case ("reached", t, counters):
+                    self.reached = max(self.reached, t)
+                    self.counters.update(counters)
+                    if (now := monotonic()) - self.shown >= SHOWN_EVERY:
+                        self.shown = now
+                        self.progress(self.counters, self.reached)
                 case Report():
                     child.report = what
 
