@@ -79,7 +79,7 @@ def wait_for_growth(path: Path, size: int = 0) -> None:
 
 def counts(path: Path) -> Any:
     """Return the values of the device's stream in a recording: 1, 2, 3, ... if none is missing."""
-    payloads = b"".join(payload[-8:] for _, payload in records(path)["/live/ticks"])
+    payloads = b"".join(payload[-8:] for _, payload in records(path)["/ticks"])
     return np.frombuffer(payloads, dtype="<f8")
 
 
@@ -101,7 +101,7 @@ def test_hosts_start_in_any_order(toy: CommandLine, hosts: Hosts, order: str) ->
 
 def test_a_cable_cut_for_five_seconds_loses_nothing(toy: CommandLine, hosts: Hosts) -> None:
     """Neither of data at rest, which waits, nor of a device at 1 kHz, which its inbox holds."""
-    args = ("--arg", "seconds=4", "--arg", "rate=1000")
+    args = ("--arg", "seconds=3", "--arg", "rate=500")
     toy("run", "toy.yaml", "--processes", "one", *args, "--record", "one.mcap")
     rest = Spread(toy, hosts, "toy.yaml", *args, "--realtime", "--record", "rest.mcap")
     live = Spread(toy, hosts, "live.yaml", "--record", "live.mcap", port=7457)
@@ -121,17 +121,18 @@ def test_a_cable_cut_for_five_seconds_loses_nothing(toy: CommandLine, hosts: Hos
     assert there["lossless"]
     assert told(runs[1])["lossless"]
     n = counts(toy.folder / "live.mcap")
-    assert len(n) == there["streams"]["ticks"] > 5000
+    assert there["event_seconds"] > 5.0
+    assert len(n) == there["streams"]["ticks"]
     assert (np.diff(n) == 1).all()
 
 
 def test_a_cut_beyond_what_a_device_can_hold_is_counted(toy: CommandLine, hosts: Hosts) -> None:
-    live = Spread(toy, hosts, "live.yaml", "--arg", "burst=20", "--record", "live.mcap")
+    live = Spread(toy, hosts, "live.yaml", "--arg", "burst=60", "--record", "live.mcap")
     here, there = live.first(), live.second()
     path = toy.folder / "live.mcap"
     wait_for_growth(path, 6000)
     hosts.cut()
-    time.sleep(3.0)
+    time.sleep(2.0)
     size = path.stat().st_size
     hosts.mend()
     wait_for_growth(path, size)
@@ -142,5 +143,5 @@ def test_a_cut_beyond_what_a_device_can_hold_is_counted(toy: CommandLine, hosts:
     n = counts(path)
     missing = int((np.diff(n) - 1).sum())
     assert summary["nodes"]["ticks"]["lost"] == {"overflow": missing}
-    assert missing > 1000
+    assert np.diff(n).max() > 1000, "the stretch that the cut has cost"
     assert len(n) == summary["streams"]["ticks"]

@@ -142,7 +142,9 @@ class _StandardOutput:
         while data := os.read(self._in, 1 << 16):
             *lines, rest = (rest + data).split(b"\n")
             for line in lines:
-                if _AUTHORIZED not in line and not self._refusals.read(line.decode("utf-8", "replace")):
+                if _AUTHORIZED not in line and not self._refusals.read(
+                    line.decode("utf-8", "replace")
+                ):
                     self._write(line + b"\n")
         self._write(rest)
 
