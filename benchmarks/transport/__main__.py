@@ -15,6 +15,7 @@ import statistics
 import sys
 from typing import Any, NamedTuple
 
+import launch as launching
 from launch import PEERS, launch
 from task import Task
 
@@ -77,8 +78,10 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--only", default="latency,device,messages,blocks,chain,start")
     parser.add_argument("--peers", default=",".join(PEERS))
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds for one of them")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
+    launching.LIMIT = given.limit
     groups, peers = given.only.split(","), given.peers.split(",")
     measures = [measure for measure in _measures() if measure.group in groups]
     runs = list(dict.fromkeys((m.group, m.task, m.graph, m.peers) for m in measures))

@@ -23,6 +23,7 @@ if __name__ == "__main__":
                 payload, 0, float(time.monotonic_ns()), float((number + 1) * task.rows - 1)
             )
             node.send_output("out", pa.array(np.frombuffer(payload, dtype=np.uint8)))
+        time.sleep(2.0)  # else what is on its way may be lost with us
     else:
         book = Book(task)
         for event in node:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from task import Book, Task, compiled
+from task import Book, Task, compiled, paced
 
 import lodeflow as lf
 
@@ -57,12 +57,8 @@ class Device(lf.Source):
     max_delay = 10_000_000_000
 
     def read(self, clock: lf.Clock) -> Iterator[Packet]:
-        begun = time.monotonic()
         template = np.zeros(VALUES)
-        for n in range(TASK.count):
-            wait = begun + n / TASK.hz - time.monotonic()
-            if wait > 0:
-                time.sleep(wait)
+        for n in paced(TASK):
             values = template.copy()
             values[1] = n
             values[0] = time.monotonic_ns()

@@ -15,6 +15,9 @@ import numpy as np
 HEAD = struct.Struct("<dd")
 """Monotonic nanoseconds at which it was sent, and its number: the first bytes of a message."""
 
+SETTLE = 1.0
+"""Seconds between the first message and those that are measured."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -78,10 +81,10 @@ class Book:
 
 
 def paced(task: Task) -> Any:
-    """Yield numbers from 0 at the task's pace."""
-    begun = time.monotonic()
+    """Yield numbers from 0 at the task's pace; before the second, all settles."""
+    begun = time.monotonic() + SETTLE
     for number in range(task.count // task.rows):
-        if task.hz:
+        if task.hz and number:
             wait = begun + number / task.hz - time.monotonic()
             if wait > 0:
                 time.sleep(wait)
