@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -46,10 +47,13 @@ class CommandLine:
         assert "Traceback" not in done.stderr, done.stderr
         return done
 
-    def start(self, *arguments: object) -> subprocess.Popen[str]:
-        """Start, and leave it running; it is killed at the end of the test if it still does."""
+    def start(self, *arguments: object, before: Sequence[str] = ()) -> subprocess.Popen[str]:
+        """Start, and leave it running; it is killed at the end of the test if it still does.
+
+        `before` is a command that runs the one after it, elsewhere.
+        """
         process = subprocess.Popen(
-            [*COMMAND, *map(str, arguments)],
+            [*before, *COMMAND, *map(str, arguments)],
             cwd=self.folder,
             env=self.environment,
             stdout=subprocess.PIPE,

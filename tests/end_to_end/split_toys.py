@@ -77,10 +77,11 @@ class Device(lf.Source):
 
     class Params(lf.Params):
         burst: int = 1
+        total: int = 2**60
 
     def read(self, clock: lf.Clock) -> Iterator[Count]:
         n = 0
-        while True:
+        while n < self.params.total:
             time.sleep(0.001)
             now = clock.now()
             for i in range(self.params.burst):

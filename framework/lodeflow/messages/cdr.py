@@ -54,6 +54,9 @@ class StreamConstants:
             ),
         )
 
+PACKED_VALUES = 256
+"""Values of a sample up to which struct.pack is quicker than a block of one row."""
+
 
 class Layout:
     """Encoder and decoder of one message type with given stream constants."""
@@ -79,7 +82,10 @@ class Layout:
             }
         )
         self._template_row = np.frombuffer(self.template, dtype=f"V{self.size}")
-        self.encode_sample = self._compile_sample()
+        values = sum(math.prod(field.shape) for field in kind.fields)
+        self.encode_sample = (
+            self._compile_sample() if values <= PACKED_VALUES else self._encode_large_sample
+        )
 
     encode_sample: Callable[[Message], bytes]
     """Encode one sample. Raises MessageError for a stamp or value that does not fit."""
@@ -113,9 +119,8 @@ class Layout:
             if value.shape != (len(t), *field.shape):
                 block.validate()
             if not field.integer:
-                unknown = np.isnan(value)
-                if unknown.any():  # there are many NaN patterns; a stream has one
-                    value = np.where(unknown, np.nan, value)
+                if np.isnan(value.min()):  # there are many NaN patterns; a stream has one
+                    value = np.where(np.isnan(value), np.nan, value)
             elif (
                 value.min() < INTEGER_RANGES[field.ros][0]
                 or value.max() > (INTEGER_RANGES[field.ros][1])
@@ -151,6 +156,9 @@ class Layout:
         """Return the sample that one record holds; see `decode_block` for errors."""
         return self.decode_block(np.frombuffer(record, dtype=np.uint8)[None]).row(0)
 
+    def _encode_large_sample(self, sample: Message) -> bytes:
+        return self.encode_block(sample.as_block())[0].tobytes()
+
     def _compile_sample(self) -> Callable[[Message], bytes]:
         """Generate the encoder of one sample: one struct.pack with the constant bytes between."""
         pieces: list[tuple[int, str, str]] = [
@@ -181,7 +189,7 @@ class Layout:
             layout += f"{self.size - at}s"
             arguments.append("tail")
         scope["pack"] = struct.Struct(layout).pack
-        scope["slow"] = lambda m: self.encode_block(m.as_block())[0].tobytes()
+        scope["slow"] = self._encode_large_sample
         scope["error"], scope["Refused"] = struct.error, MessageError
         body = f"    sec, nanosec = divmod(m.t, {NANOSECONDS})\n"
         if floats:

@@ -180,7 +180,10 @@ def _close(
     tell(report)  # now, because whoever does not take the rest may take too long
     patience = 0.6 if report.stopped or report.error else None
     left = links.farewell(patience)
-    if left and report.error is None and not report.stopped:
+    if left and report.stopped:
+        report.lossless = report.lossless and group.allow_gaps
+        logging.getLogger("lodeflow").warning("%d frames could not be handed over in time", left)
+    elif left and report.error is None:
         report.error = str(RunError(f"group '{name}' could not hand over {left} frames"))
 
 

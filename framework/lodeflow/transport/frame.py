@@ -24,6 +24,8 @@ BYE = 6
 """I have everything from you, and you have everything from me; not in sequence."""
 WAKE = 7
 """From oneself: end a wait."""
+GONE = 8
+"""I end with things unsaid, and will not come back; not in sequence."""
 
 KIND_BITS, GROUP_BITS = 4, 10
 STREAM_SHIFT = KIND_BITS + GROUP_BITS

@@ -79,6 +79,7 @@ class Link:
         peer_ready: all links of the other side are up.
         departed: the other side has nothing more to send, and everything from here.
         closed: the other group is gone for good.
+        gone: the other side has said so itself, with some of its frames not taken.
         restarts: how often the other side began anew.
         refused: digest of another graph, if that is what the other side runs.
     """
@@ -98,6 +99,7 @@ class Link:
         self.latest = latest
         self.ready = False
         self.joined = self.peer_ready = self.departed = self.closed = False
+        self.gone = False
         self.restarts = 0
         self.refused: bytes | None = None
         self.arrived: deque[Frame] = deque()
@@ -172,6 +174,9 @@ class Link:
         if frame.kind == frames.BYE:
             self.departed = True
             return
+        if frame.kind == frames.GONE:
+            self.gone = True
+            return
         number = frame.sequence & COUNT_MASK
         if number == self._expected:
             self._expected += 1
@@ -233,6 +238,10 @@ class Link:
     def say_bye(self) -> None:
         """Tell the other side that everything is done here."""
         self._say(frames.BYE, 0)
+
+    def say_gone(self) -> None:
+        """Tell the other side that what it has not taken will not come."""
+        self._say(frames.GONE, 0)
 
     def close(self) -> None:
         """Forget a group that is gone for good."""

@@ -243,7 +243,10 @@ class Links:
             self.wait(HELLO_EVERY)
         for link in self.links.values():
             link.tend(now, at_once=True)
-            link.say_bye()
+            if link.waiting:
+                link.say_gone()
+            else:
+                link.say_bye()
         until = min(until, monotonic() + LINGER)
         while (now := monotonic()) < until:
             left = [x for x in self.links.values() if not (x.departed or x.closed)]
@@ -322,6 +325,8 @@ class Links:
             link.receive(frame, now)
             if link.restarts > before:
                 self._restarted(link.peer)
+            if link.gone:
+                self.gone(link.peer)
 
     def _open(self, link: Link, frame: Frame) -> Arrival | None:
         """Return what a frame brings, decoded."""

@@ -11,6 +11,7 @@ from typing import Any
 import zenoh
 
 from lodeflow.errors import RunError
+from lodeflow.transport import refusals
 
 RETRY = {"period_init_ms": 5, "period_max_ms": 50, "period_increase_factor": 2}
 """How soon a link that is down is tried again."""
@@ -51,7 +52,8 @@ def open_session(
         connect: endpoints to link to, tried until they are there.
         settings: further settings, as Zenoh names them.
         config: a Zenoh configuration file (JSON5) to begin with: certificates, users, access
-            control. What the profile says goes before it.
+            control. What the profile says goes before it. A session that also listens has its
+            refusals told in the log.
 
     Raises:
         RunError: an endpoint is malformed or taken, or the file cannot be used.
@@ -62,13 +64,25 @@ def open_session(
         raise RunError(f"{config}: no Zenoh configuration: {_first_line(error)}") from error
     wanted = {**PROFILE, **settings, "listen/endpoints": list(listen)}
     wanted["connect/endpoints"] = list(connect)
+    guarded = config is not None and bool(listen)
+    if guarded:
+        refusals.begin(keys=json.loads(base.get_json("access_control"))["enabled"])
     try:
         for name, value in wanted.items():
             base.insert_json5(name, json.dumps(value))
-        return zenoh.open(base)
+        session = zenoh.open(base)
     except Exception as error:
+        if guarded:
+            refusals.end()
         where = ", ".join([*listen, *connect]) or "no endpoint"
         raise RunError(f"cannot open Zenoh on {where}: {_first_line(error)}") from error
+    if guarded:
+        _guarded.append(session)
+    return session
+
+
+_guarded: list[zenoh.Session] = []
+"""Open sessions whose refusals are told."""
 
 
 def close_session(session: zenoh.Session) -> None:
@@ -76,10 +90,13 @@ def close_session(session: zenoh.Session) -> None:
     try:
         session.close()  # type: ignore[no-untyped-call]
     except zenoh.ZError:
-        return
+        pass
     except BaseException as error:
         if not _is_panic(error):
             raise
+    if session in _guarded:
+        _guarded.remove(session)
+        refusals.end()
 
 
 def put(publisher: zenoh.Publisher, payload: bytes, attachment: bytes) -> None:

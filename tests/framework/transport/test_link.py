@@ -204,6 +204,14 @@ def test_a_closed_link_takes_and_sends_nothing() -> None:
     assert (a.waiting, a.is_full) == (0, False)
 
 
+def test_who_leaves_with_things_unsaid_says_so() -> None:
+    network = Network(random.Random(1))
+    network.join()
+    network.ends["a"].say_gone()
+    network.move()
+    assert network.ends["b"].gone
+
+
 @pytest.mark.parametrize(("one", "other"), [(2, 1), (5, 2**24 - 3)])
 def test_incarnations_wrap(one: int, other: int) -> None:
     assert newer(one, other)

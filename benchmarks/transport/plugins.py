@@ -1,0 +1,129 @@
+"""The nodes of lodeflow's side."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from task import Book, Task, compiled, paced
+
+import lodeflow as lf
+
+TASK = Task.from_environment()
+VALUES = max(TASK.size // TASK.rows - 24, 16) // 8
+
+
+class Packet(lf.Message, ros="bench_msgs/msg/Packet"):
+    """When it was sent, its number, and padding up to the size that is asked for."""
+
+    data: lf.Array[lf.Dimensionless, Literal[VALUES]]  # type: ignore[valid-type]
+    tail: lf.UInt32
+
+
+class Tick(lf.Message, ros="bench_msgs/msg/Tick"):
+    number: lf.Scalar[lf.Dimensionless]
+
+
+class Ticks(lf.Source):
+    """Paced by the run where it has a rate, else as fast as the run takes them."""
+
+    def read(self, clock: lf.Clock) -> Iterator[Tick]:
+        step = int(1e9 / TASK.hz) if TASK.hz else 1000
+        for first in range(0, TASK.count, 100):
+            n = np.arange(first, min(first + 100, TASK.count), dtype=np.int64)
+            yield Tick(n * step, n.astype(float))
+
+
+class Stamp(lf.Node):
+    """Sends packets, with the time at which it does."""
+
+    def start(self) -> None:
+        self.values = np.zeros(VALUES)
+        if TASK.numba:
+            compiled()
+
+    def step(self, tick: Tick) -> Packet:
+        values = self.values.copy()
+        values[1] = tick.number
+        values[0] = time.monotonic_ns()
+        return Packet(tick.t, values, 0)
+
+
+class Device(lf.Source):
+    """A live device in the place of ticks and stamp: its thread, and its inbox, are in the way."""
+
+    max_delay = 10_000_000_000
+
+    def read(self, clock: lf.Clock) -> Iterator[Packet]:
+        template = np.zeros(VALUES)
+        for n in paced(TASK):
+            values = template.copy()
+            values[1] = n
+            values[0] = time.monotonic_ns()
+            yield Packet(clock.now(), values, 0)
+
+
+class Relay(lf.Node):
+    def step(self, x: Packet) -> Packet:
+        return Packet(x.t, x.data, x.tail)
+
+
+class Sink(lf.Node):
+    """Notes what comes, one by one."""
+
+    def start(self) -> None:
+        self.book = Book(TASK)
+        if TASK.numba:
+            compiled()
+
+    def step(self, x: Packet) -> None:
+        self.book.see(x.data[0], x.data[1])
+
+
+class Blocks(lf.Source):
+    """Blocks of so many packets, or of Imu messages."""
+
+    def read(self, clock: lf.Clock) -> Iterator[Packet]:
+        rows = TASK.rows
+        values, tail = np.zeros((rows, VALUES)), np.zeros(rows, dtype=np.uint32)
+        for first in range(0, TASK.count, rows):
+            n = np.arange(first, first + rows, dtype=np.int64)
+            values[:, 1] = n
+            yield Packet(n * 1000, values.copy(), tail)
+
+
+class BlockSink(lf.Node):
+    def start(self) -> None:
+        self.book = Book(TASK)
+
+    def step_block(self, x: Packet) -> None:
+        self.book.see(0.0, x.data[-1, 1], len(x))
+
+
+class ImuBlocks(lf.Source):
+    def read(self, clock: lf.Clock) -> Iterator[lf.Imu]:
+        rows = TASK.rows
+        zeros = np.zeros((rows, 3))
+        for first in range(0, TASK.count, rows):
+            n = np.arange(first, first + rows, dtype=np.int64)
+            zeros = np.zeros((rows, 3))
+            zeros[:, 0] = n
+            yield lf.Imu(n * 1000, zeros, zeros)
+
+
+class ImuBlockSink(lf.Node):
+    def start(self) -> None:
+        self.book = Book(TASK)
+
+    def step_block(self, x: lf.Imu) -> None:
+        self.book.see(0.0, x.angular_velocity[-1, 0], len(x))
+
+
+class ImuSink(lf.Node):
+    def start(self) -> None:
+        self.book = Book(TASK)
+
+    def step(self, x: lf.Imu) -> None:
+        self.book.see(0.0, x.angular_velocity[0])
