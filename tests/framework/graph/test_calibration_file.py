@@ -118,7 +118,7 @@ def test_every_mistake_is_told_with_its_place() -> None:
         "cal.yaml:4:3: nodes.cal.params.bais: no such parameter of 'toys:Calibrated', did you mean"
     )
     assert problems(good.replace("[7.0, 8.0, 9.0]", "[7.0, x, 9.0]")).startswith(
-        "cal.yaml:4:15: nodes.cal.params.bias[1]: should be a finite number, got 'x'"
+        "cal.yaml:4:15: nodes.cal.params.bias[1]: 'x' is not a number with a unit (LSB)"
     )
     assert problems(good.replace("_calibration: 1", "_calibration: 2")).startswith(
         "cal.yaml:1:23: lodeflow_calibration: should be 1, the version that this lodeflow reads"

@@ -133,6 +133,11 @@ def test_iron_in_tesla(tumble):
     assert found.plugin == "iron_calibrator"
     np.testing.assert_allclose(found.params["hard_iron"], [4e-6, -9e-6, 2e-6], atol=3e-8)
     np.testing.assert_allclose(found.params["soft_iron"], np.linalg.inv(soft), atol=1e-3)
+    # How far it is turned is within what it says itself: no reading is taken for its noise.
+    left = found.params["soft_iron"] @ soft
+    turned = np.degrees([left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1]])
+    error = quantity(found, "alignment, standard error about x y z").value
+    assert (np.abs(turned) / 2 < 4 * error).all()
     alone = calibrated(Iron, mag=mag)
     assert np.linalg.det(alone.params["soft_iron"]) == pytest.approx(1.0)
 
