@@ -124,7 +124,7 @@ def test_every_mistake_is_told_with_its_place() -> None:
         "cal.yaml:1:23: lodeflow_calibration: should be 1, the version that this lodeflow reads"
     )
     assert problems(good.replace("notes:", "note:")).startswith(
-        "cal.yaml:6:1: note: unknown key, did you mean 'notes'?"
+        "cal.yaml:7:1: note: unknown key, did you mean 'notes'?"
     )
     assert problems("a: 1").startswith("cal.yaml:1:1: no calibration file; one begins with")
     assert problems("a: [1").startswith("cal.yaml:1:4: not YAML: ")

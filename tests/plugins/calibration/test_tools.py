@@ -95,11 +95,11 @@ def test_mag_without_a_platform_fits_an_ellipsoid_and_aligns_it(tumble):
 def test_mag_refuses_what_does_not_tell(attitudes, tumble):
     few = attitudes["raw_mag"].t < 4 * 2_000_000_000
     raw = attitudes["raw_mag"][few]
-    with pytest.raises(lf.CalibrationError, match="4 positions; at least 10 .* record 20 or more"):
+    with pytest.raises(lf.CalibrationError, match=r"4 positions; at least 10 .* record 20 or more"):
         calibrated(Mag, raw=raw, attitude=attitudes["attitude"][few])
-    with pytest.raises(lf.CalibrationError, match="field varies .* found 4 positions"):
+    with pytest.raises(lf.CalibrationError, match=r"field varies .* found 4 positions"):
         calibrated(Mag, {"dip": 0.8}, raw=raw, attitude=attitudes["attitude"][few])
-    with pytest.raises(lf.CalibrationError, match="open .* each pointing up and down"):
+    with pytest.raises(lf.CalibrationError, match=r"open .* each pointing up and down"):
         calibrated(Mag, raw=tumble["raw_mag"][:800])
     with pytest.raises(lf.CalibrationError, match="nothing holds still for 100 samples"):
         calibrated(Mag, raw=tumble["raw_mag"], attitude=tumble["attitude"])
