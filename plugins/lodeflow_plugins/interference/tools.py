@@ -67,7 +67,8 @@ class Pair(lf.CalibrationTool):
             )
         error = deviation / np.sqrt(len(t))
         notes = [
-            "an error that both compasses share is not observable: compare with a known heading"
+            "an error that both compasses share is not observable: compare with a known heading",
+            "a file replaces what a graph sets: give rate_interval and gap of dmc_features again",
         ]
         if (unlike := abs(float(each[0] / each[1]) - 1.0)) > ALIKE:
             notes.append(
