@@ -61,9 +61,10 @@ class Pair(lf.CalibrationTool):
         if deviation > p.tolerance or spread > p.field_tolerance * field:
             raise lf.CalibrationError(
                 f"the heading difference varies by {np.degrees(deviation):.2g}° (at most "
-                f"{np.degrees(p.tolerance):.2g}°) and the field by {100 * spread / field:.2g} % (at "
-                f"most {100 * p.field_tolerance:g} %): something magnetic was near, or a compass is "
-                "not calibrated; find its ellipse first, and record with nothing magnetic near"
+                f"{np.degrees(p.tolerance):.2g}°) and the field by {100 * spread / field:.2g} % "
+                f"(at most {100 * p.field_tolerance:g} %): something magnetic was near, or a "
+                "compass is not calibrated; find its ellipse first, and record with nothing "
+                "magnetic near"
             )
         error = deviation / np.sqrt(len(t))
         notes = [

@@ -145,8 +145,8 @@ def test_a_file_for_another_plugin_is_refused() -> None:
     Path("graph.yaml").write_text(
         GRAPH.replace("args: {file: null}\n", "").replace("toys:Calibrated", "mag_calibrator")
     )
+    Path("cal.yaml").write_text(calibration(use="accel_calibrator"))
     with pytest.raises(GraphError, match="use: is for 'accel_calibrator', not for 'mag_calibrat"):
-        Path("cal.yaml").write_text(calibration(use="accel_calibrator"))
         load_graph("graph.yaml", sets=["cal.file=cal.yaml"])
 
 
