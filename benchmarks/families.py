@@ -5,7 +5,7 @@
 Each node runs alone in a graph, in blocks and sample by sample; the time holds the messages that
 come in and go out. The reference does the same by plain numpy and scipy calls without a framework,
 on the same blocks and rows; where that makes no sense, on the whole record at once, in which it may
-look ahead. Rounds are interleaved, figures are medians. Families are the modules of family_rows/.
+look ahead. Rounds are interleaved, figures are medians of processor time. Families are the modules of family_rows/.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ END = 2**62
 
 
 def timed(work: Callable[[], object]) -> float:
-    start = time.perf_counter()
+    start = time.process_time()
     work()
-    return time.perf_counter() - start
+    return time.process_time() - start
 
 
 def forms_of(row: Row, n: int, length: int) -> tuple[Callable[[], object], Callable[[], object]]:

@@ -51,7 +51,9 @@ def _measures() -> list[Measure]:
     found.append(
         Measure("device", "64 B, p50", device, "p50", "us", "device", ("zenoh", "lodeflow"))
     )
-    found.append(Measure("messages", f"{IMU} B", Task(IMU, FLOW), "rate", "1/s", "imu samples"))
+    found.append(
+        Measure("messages", f"{IMU} B", Task(IMU, FLOW), "rate", "1/s", "imu samples")
+    )
     for size, name, graph in ((PACKET, "64 B records", "blocks"), (IMU, "Imu", "imu")):
         task = Task(size * ROWS, 2_000_000, rows=ROWS)
         found.append(Measure("blocks", f"{name}, blocks of {ROWS}", task, "rate", "1/s", graph))

@@ -54,7 +54,6 @@ class StreamConstants:
             ),
         )
 
-
 PACKED_VALUES = 256
 """Values of a sample up to which struct.pack is quicker than a block of one row."""
 
