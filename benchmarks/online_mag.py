@@ -17,10 +17,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import vqf
 from broad_table import GRAPH, imported
 
-import lodeflow as lf
 from lodeflow.graph import load_graph
 from lodeflow.supervisor.run import run
 
@@ -30,26 +28,6 @@ nodes:
   iron: {{use: iron_calibrator, inputs: {{mag: sensors.mag}}, params: {{hard_iron: {iron}}}}}
   {reader}: {{inputs: {{mag: iron}}}}
 """
-
-
-class Vqf(lf.Node):
-    """VQF (Laidig and Seel 2023), with magnetometer, by the package of its authors."""
-
-    sync = lf.Exact()
-
-    def start(self) -> None:
-        self.filter: vqf.VQF | None = None
-        self.last: int | None = None
-
-    def step(self, imu: lf.Imu, mag: lf.MagneticField) -> lf.Attitude | None:
-        if self.filter is None:
-            if self.last is None:
-                self.last = imu.t
-                return None
-            self.filter = vqf.VQF((imu.t - self.last) * 1e-9)
-        self.filter.update(imu.angular_velocity, imu.linear_acceleration, mag.magnetic_field * 1e6)
-        w, x, y, z = self.filter.getQuat9D()
-        return lf.Attitude(imu.t, np.array([x, y, z, w]))
 
 
 def total(recording: Path, overlays: list[Path], swaps: list[str], sets: list[str]) -> float:
@@ -78,7 +56,7 @@ def main() -> None:
         for trial in trials:
             recording = imported(trial, Path(folder))
             row = table[trial.stem] = {}
-            for fuser, swaps in (("chu", []), ("vqf", ["fuser=__main__:Vqf"])):
+            for fuser, swaps in (("chu", []), ("vqf", ["fuser=vqf"])):
                 for name, overlays, sets in (("", [], []), (" online", [OVERLAY], args.sets)):
                     added = Path(folder) / "iron.yaml"
                     reader = "mag_cal" if overlays else "fuser"

@@ -102,6 +102,7 @@ def lodeflow_importers() -> dict[str, str]:
 def lodeflow_calibrations() -> dict[str, str]:
     """Kinds of `lodeflow calibrate`."""
     tools = "lodeflow_plugins.calibration.tools"
+    compasses = "lodeflow_plugins.interference.tools"
     return {
         "mag": f"{tools}.mag:Mag",
         "iron": f"{tools}.iron:Iron",
@@ -109,4 +110,7 @@ def lodeflow_calibrations() -> dict[str, str]:
         "gyro": f"{tools}.gyro:Gyro",
         "gyro-bias": f"{tools}.gyro:GyroBias",
         "allan": f"{tools}.allan:Allan",
+        "ellipse": f"{tools}.ellipse:EllipseFit",
+        "pair": f"{compasses}:Pair",
+        "fcm": f"{compasses}:FcmClusters",
     }

@@ -23,8 +23,8 @@ class Mean(lf.CalibrationTool):
         if len(raw) > 5000:
             raise lf.CalibrationError("too much; record less")
         mean = self.params.factor * raw.counts.mean(axis=0)
-        rows = lf.Quantity("rows", len(raw))
-        return lf.Calibration("", {}, [rows, lf.Quantity("mean", mean, "LSB", mean * 0)], ["a note"])
+        found = [lf.Quantity("rows", len(raw)), lf.Quantity("mean", mean, "LSB", mean * 0)]
+        return lf.Calibration("", {}, found, ["a note"])
 """
 
 

@@ -183,7 +183,7 @@ def _params_in(
     for at, value in params.entries.items():
         if "${" in str(value.plain()):
             problems.add(value.place, join("params", at), "'${' has no meaning in a calibration")
-    return params
+    return params if len(problems) == before else None  # one mistake is told once
 
 
 def _check_head(tree: Tree, name: str, problems: Problems) -> None:

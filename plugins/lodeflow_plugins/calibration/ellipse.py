@@ -46,12 +46,18 @@ class Fit:
     """An ellipse through points.
 
     residual: rms distance of the points from it, relative to its mean radius; covered: rad, how
-    much of the turn the points cover, with gaps of more than 30 degrees left out.
+    much of the turn the points cover, with gaps of more than 30 degrees left out; condition: of
+    the distances' derivatives. Standard errors, for independent noise: centre_error (2,) and
+    radii_error (2,) in the unit of the points; angle_error rad, infinite for a circle.
     """
 
     ellipse: Ellipse
     residual: float
     covered: float
+    condition: float
+    centre_error: np.ndarray
+    radii_error: np.ndarray
+    angle_error: float
 
 
 def fit(points: np.ndarray) -> Fit:
@@ -97,7 +103,31 @@ def fit(points: np.ndarray) -> Fit:
     )
     around = (points - found.centre) @ found.onto_circle()
     distance = np.hypot(around[:, 0], around[:, 1]) - 1.0
-    return Fit(found, float(np.sqrt(np.mean(distance**2))), _covered(around))
+    residual = float(np.sqrt(np.mean(distance**2)))
+    return Fit(found, residual, _covered(around), *_errors(points, found, distance))
+
+
+def _errors(
+    points: np.ndarray, found: Ellipse, distance: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray, float]:
+    """Condition, and standard errors of centre, radii and angle.
+
+    Along its own axes, an ellipse is |S p| = 1 with S = diag(1 / radii), to be changed by s_11,
+    s_22 and s_12: the last one turns it, by s_12 / (1 / r_2 - 1 / r_1).
+    """
+    c, s = np.cos(found.angle), np.sin(found.angle)
+    turn = np.array([[c, -s], [s, c]])
+    radii = np.array(found.radii)
+    p = (points - found.centre) @ turn / radii  # on the circle of radius 1
+    u = p / np.hypot(p[:, 0], p[:, 1])[:, None]
+    mean = float(np.sqrt(radii[0] * radii[1]))
+    shape = [u[:, 0] * p[:, 0], u[:, 1] * p[:, 1], u[:, 0] * p[:, 1] + u[:, 1] * p[:, 0]]
+    jacobian = np.column_stack([*shape, -(u * (mean / radii)) @ turn.T])  # s_ij r_j, centre / mean
+    variance = float(distance @ distance) / max(len(points) - 5, 1)
+    error = np.sqrt(np.diagonal(variance * np.linalg.inv(jacobian.T @ jacobian)))
+    stretch = radii[0] / radii[1] - 1.0
+    angle = float(error[2] / stretch) if stretch > 0.0 else np.inf
+    return float(np.linalg.cond(jacobian)), mean * error[3:], radii * error[:2], angle
 
 
 def _parameters(a: float, b: float, c: float, d: float, e: float, f: float) -> Ellipse:

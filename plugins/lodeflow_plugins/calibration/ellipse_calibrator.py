@@ -22,6 +22,8 @@ class EllipseCalibrator(lf.Node):
     class Params(lf.Params):
         """The ellipse, and the circle."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate ellipse` wrote; gives all that is needed here."""
         centre: tuple[Annotated[float, lf.Tesla], Annotated[float, lf.Tesla]]
         """Hard iron, forward and left."""
         radii: tuple[

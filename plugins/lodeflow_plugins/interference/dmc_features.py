@@ -26,6 +26,8 @@ class DmcFeatures(lf.Node):
     class Params(lf.Params):
         """The undisturbed field, and how rates are taken."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate pair` wrote: the field, and the difference."""
         field: Annotated[float, lf.Tesla] = Field(33.5e-6, gt=0)
         """Strength of the undisturbed horizontal field, the radius of the circle."""
         initial_difference: Annotated[float, lf.Radian] = 0.0

@@ -29,6 +29,17 @@ class FcmParams(lf.Params):
         return self.field_error, self.heading_difference
 
 
+class FcmLearning(FcmParams):
+    """How clusters are learned."""
+
+    clusters: int = Field(5, ge=2)
+    """How many."""
+    tolerance: float = Field(0.01, gt=0)
+    """Largest change of a membership at which the iteration stops."""
+    seed: int = Field(0, ge=0)
+    """Of the first memberships."""
+
+
 class FcmStage(lf.Node):
     """How credible a compass is, by its memberships in fuzzy clusters that were learned before.
 
@@ -46,6 +57,8 @@ class FcmStage(lf.Node):
     class Params(FcmParams):
         """The clusters, and how much is enough."""
 
+        file: lf.CalibrationFile = None
+        """What `lodeflow calibrate fcm` wrote; gives the centres and what they count in."""
         first_centres: Centres = Field(min_length=2)
         """Of the first compass."""
         second_centres: Centres = Field(min_length=2)

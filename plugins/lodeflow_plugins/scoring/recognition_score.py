@@ -7,7 +7,7 @@ from pydantic import Field
 
 import lodeflow as lf
 from lodeflow_plugins.interference import fuzzy_c_means, stages
-from lodeflow_plugins.interference.fcm_stage import FcmParams
+from lodeflow_plugins.interference.fcm_stage import FcmLearning
 from lodeflow_plugins.scoring import recognition
 
 GOOD = Annotated[float, lf.Radian]
@@ -97,15 +97,9 @@ class ScoreFcm(_Collecting):
 
     sync = lf.Exact()
 
-    class Params(FcmParams):
+    class Params(FcmLearning):
         """How clusters are learned, and what is good."""
 
-        clusters: int = Field(5, ge=2)
-        """How many."""
-        tolerance: float = Field(0.01, gt=0)
-        """Largest change of a membership at which the iteration stops."""
-        seed: int = Field(0, ge=0)
-        """Of the first memberships."""
         credible: float = Field(0.8, ge=0, le=1)
         """Credibility above which a sample is accepted."""
         learn: int | None = Field(None, ge=1)

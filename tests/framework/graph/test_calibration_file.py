@@ -118,13 +118,13 @@ def test_every_mistake_is_told_with_its_place() -> None:
         "cal.yaml:4:3: nodes.cal.params.bais: no such parameter of 'toys:Calibrated', did you mean"
     )
     assert problems(good.replace("[7.0, 8.0, 9.0]", "[7.0, x, 9.0]")).startswith(
-        "cal.yaml:4:15: nodes.cal.params.bias[1]: should be a finite number, got 'x'"
+        "cal.yaml:4:15: nodes.cal.params.bias[1]: 'x' is not a number with a unit (LSB)"
     )
     assert problems(good.replace("_calibration: 1", "_calibration: 2")).startswith(
         "cal.yaml:1:23: lodeflow_calibration: should be 1, the version that this lodeflow reads"
     )
     assert problems(good.replace("notes:", "note:")).startswith(
-        "cal.yaml:6:1: note: unknown key, did you mean 'notes'?"
+        "cal.yaml:7:1: note: unknown key, did you mean 'notes'?"
     )
     assert problems("a: 1").startswith("cal.yaml:1:1: no calibration file; one begins with")
     assert problems("a: [1").startswith("cal.yaml:1:4: not YAML: ")
@@ -145,8 +145,8 @@ def test_a_file_for_another_plugin_is_refused() -> None:
     Path("graph.yaml").write_text(
         GRAPH.replace("args: {file: null}\n", "").replace("toys:Calibrated", "mag_calibrator")
     )
+    Path("cal.yaml").write_text(calibration(use="accel_calibrator"))
     with pytest.raises(GraphError, match="use: is for 'accel_calibrator', not for 'mag_calibrat"):
-        Path("cal.yaml").write_text(calibration(use="accel_calibrator"))
         load_graph("graph.yaml", sets=["cal.file=cal.yaml"])
 
 

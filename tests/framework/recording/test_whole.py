@@ -37,7 +37,7 @@ def test_an_optional_stream_may_be_absent_or_left_out(tmp_path):
 
 def test_one_of_several_is_chosen_by_name(tmp_path):
     path = written(tmp_path / "a.mcap", one=(Heading, T), two=(Heading, T + 1))
-    with pytest.raises(RecordingError, match="2 streams .* --stream heading=one or --stream"):
+    with pytest.raises(RecordingError, match=r"2 streams .* --stream heading=one or --stream"):
         read_whole([path], PORTS, {})
     assert read_whole([path], PORTS, {"heading": "two"}).blocks["heading"].t[0] == 101
     with pytest.raises(RecordingError, match="no topic '/tow', did you mean '/two'"):

@@ -82,22 +82,25 @@ def test_a_sensor_of_another_maker():
 
 @pytest.mark.parametrize("name", WALKS)
 def test_the_counter_of_the_paper(name):
-    # Whether a run is five samples long can hang on the last digit of the attitude.
+    # The golden counts take a tenth of a second for six samples: the recordings have a rate of a
+    # little more than 50 Hz. At exactly 50 Hz it is five.
     trial = motion(name)
     gaps = {
-        "golden_printed_tmax2.5": {},
-        "golden_with_gap_closing": {"close_gaps": 0.1},
+        "golden_printed_tmax2.5": {"min_run": 0.12},
+        "golden_with_gap_closing": {"min_run": 0.12, "close_gaps": 0.12},
     }
     for golden, params in gaps.items():
         steps = node("zero_velocity_steps", params, acceleration=trial["acceleration"])["out"]
-        assert abs(len(steps) - TRUTH[name][golden]) <= 1
+        assert len(steps) == TRUTH[name][golden]
+        steps = node("zero_velocity_steps", acceleration=trial["acceleration"])["out"]
+        assert abs(len(steps) - TRUTH[name]["golden_printed_tmax2.5"]) <= 1
 
 
 def test_what_the_counters_make_of_all_walks():
     strides = sum(TRUTH[name]["true_strides"] for name in WALKS)
     assert strides == 308
-    paper = total("zero_velocity_steps", ["acceleration"], WALKS)
-    assert paper <= 4  # 98.7 %
+    assert total("zero_velocity_steps", ["acceleration"], WALKS, min_run=0.12) == 3  # 99.0 %
+    assert total("zero_velocity_steps", ["acceleration"], WALKS) == 4  # 98.7 %
     assert total("gyro_norm_steps", ["imu"], WALKS) <= 1
     assert total("shoe_steps", ["imu"], WALKS) <= 4
     assert total("ared_steps", ["imu"], WALKS) <= 7

@@ -47,6 +47,34 @@ def spheres(before: np.ndarray, after: np.ndarray, what: str) -> Callable[[Any],
     return draw
 
 
+def circle(before: np.ndarray, after: np.ndarray) -> Callable[[Any], None]:
+    """Level readings before and after, and how far each is off the circle over its direction.
+
+    before, after: (N, 2), forward and left, in units of the circle's radius.
+    """
+
+    def draw(figure: Any) -> None:
+        plane, over = figure.subplots(1, 2)
+        angle = np.linspace(0.0, 2.0 * np.pi, 200)
+        plane.plot(np.cos(angle), np.sin(angle), color="black", lw=0.8)
+        direction = np.degrees(np.arctan2(after[:, 1], after[:, 0]))
+        for values, color, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
+            plane.plot(values[:, 0], values[:, 1], ".", ms=3, color=color, label=label)
+            distance = 100.0 * (np.hypot(values[:, 0], values[:, 1]) - 1.0)
+            rms = np.sqrt(np.mean(distance**2))
+            over.plot(direction, distance, ".", ms=3, color=color, label=f"rms {rms:.2g} %")
+        plane.set_aspect("equal")
+        plane.set_xlabel("forward")
+        plane.set_ylabel("left")
+        over.set_xlabel("direction of the field, deg")
+        over.set_ylabel("off the circle, %")
+        for axes in (plane, over):
+            axes.legend(fontsize=8)
+            axes.grid(alpha=0.3)
+
+    return draw
+
+
 def residuals(
     x: np.ndarray, residual: np.ndarray, x_label: str, y_label: str, title: str
 ) -> Callable[[Any], None]:

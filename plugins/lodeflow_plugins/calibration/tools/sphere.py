@@ -40,10 +40,19 @@ def thinned(readings: np.ndarray, fitted: ellipsoid.Ellipsoid | None = None) -> 
 
 
 def _apart(readings: np.ndarray, apart: float) -> list[int]:
-    kept = [0] if len(readings) else []
+    """Return the rows that are apart from each other.
+
+    Of those that are apart from the row taken last, the first shows that it is so, and the next
+    one is taken: the noise of the first is no more at random, it runs ahead of the turn, and would
+    turn the field about the axis that the sensor was mostly turned about.
+    """
+    kept, shown = ([0] if len(readings) else []), False
     for at in range(1, len(readings)):
-        if np.sum((readings[at] - readings[kept[-1]]) ** 2) >= apart**2:
+        if shown:
             kept.append(at)
+            shown = False
+        else:
+            shown = bool(np.sum((readings[at] - readings[kept[-1]]) ** 2) >= apart**2)
     return kept
 
 
