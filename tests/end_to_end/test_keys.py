@@ -49,6 +49,7 @@ def program(endpoint: str) -> Iterator[zenoh.Session]:
     config = zenoh.Config()
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("transport/shared_memory/enabled", "false")
     with zenoh.open(config) as session:
         yield session
 
