@@ -5,7 +5,8 @@
 Each node runs alone in a graph, in blocks and sample by sample; the time holds the messages that
 come in and go out. The reference does the same by plain numpy and scipy calls without a framework,
 on the same blocks and rows; where that makes no sense, on the whole record at once, in which it may
-look ahead. Rounds are interleaved, figures are medians of processor time. Families are the modules of family_rows/.
+look ahead. Rounds are interleaved, figures are medians of processor time. Families are the modules
+of family_rows/.
 """
 
 from __future__ import annotations
