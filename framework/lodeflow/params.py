@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import ast
+import inspect
+import itertools
+import textwrap
+from functools import cache
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +37,6 @@ class Params(BaseModel):
         frozen=True,
         arbitrary_types_allowed=True,
         allow_inf_nan=False,
-        use_attribute_docstrings=True,
         validate_default=True,
     )
 
@@ -128,6 +132,49 @@ def file_parameter(params: type[BaseModel]) -> str | None:
         if any(isinstance(mark, _ReadFromFile) for mark in field.metadata):
             return name
     return None
+
+
+@cache
+def docs_of(params: type[BaseModel]) -> dict[str, str]:
+    """Return what is said of each field of parameters: the text below it in the source.
+
+    Pydantic can read them for each class as it is made; but to parse its source then is a fifth of
+    what a command takes to start, for texts that few commands show.
+    """
+    found: dict[str, str] = {}
+    for base in reversed(params.__mro__):
+        if base is not BaseModel and issubclass(base, BaseModel):
+            found |= _docstrings(base)
+    said = {name: field.description for name, field in params.model_fields.items()}
+    return {name: text for name in said if (text := found.get(name) or said[name])}
+
+
+def models_of(annotation: Any) -> list[type[BaseModel]]:
+    """Return the nested models in an annotation such as `Inner | None` or `list[Inner]`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for inner in get_args(annotation) for model in models_of(inner)]
+
+
+def _docstrings(made: type) -> dict[str, str]:
+    """Return the texts below the fields of a class, as far as there is a source."""
+    try:
+        source = textwrap.dedent(inspect.getsource(made))
+        (body,) = ast.parse(source).body
+    except (OSError, TypeError, SyntaxError, ValueError):
+        return {}
+    found = {}
+    lines = body.body if isinstance(body, ast.ClassDef) else []
+    for line, below in itertools.pairwise(lines):
+        if (
+            isinstance(line, ast.AnnAssign)
+            and isinstance(line.target, ast.Name)
+            and isinstance(below, ast.Expr)
+            and isinstance(below.value, ast.Constant)
+            and isinstance(below.value.value, str)
+        ):
+            found[line.target.id] = inspect.cleandoc(below.value.value)
+    return found
 
 
 def unit_of(metadata: list[Any]) -> type[Unit]:

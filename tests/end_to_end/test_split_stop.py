@@ -1,6 +1,6 @@
 """Split runs end as a whole, whatever ends first: no process, no file, a recording that reads.
 
-    pytest -n0 -rP tests/end_to_end/test_split_stop.py | grep gone    # how long it took, each time
+pytest -n0 -rP tests/end_to_end/test_split_stop.py | grep gone    # how long it took, each time
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ import pytest
 import scipy.io
 
 from lodeflow.graph import load_graph_text
+from lodeflow.params import docs_of
 from lodeflow.registry import registry
 from lodeflow.supervisor.run import run
 from lodeflow.testing import check_node
@@ -105,7 +106,4 @@ def test_contract(name, files):
 def test_it_is_documented(name):
     plugin = load(name)
     assert plugin.__doc__
-    undocumented = [
-        key for key, field in plugin.Params.model_fields.items() if not field.description
-    ]
-    assert undocumented == []
+    assert plugin.Params.model_fields.keys() - docs_of(plugin.Params).keys() == set()

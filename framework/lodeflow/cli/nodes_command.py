@@ -15,7 +15,7 @@ from lodeflow.cli.output import print_json
 from lodeflow.messages.message import Message
 from lodeflow.messages.units import Dimensionless
 from lodeflow.node import Node, Source
-from lodeflow.params import unit_of
+from lodeflow.params import docs_of, models_of, unit_of
 from lodeflow.registry import Registry, registry
 from lodeflow.sync import describe
 
@@ -86,18 +86,13 @@ def params_of(params: type[BaseModel]) -> dict[str, Any]:
             "unit": unit_of(field.metadata).symbol,
             "default": None if field.is_required() else _plain(field.default),
             "required": field.is_required(),
-            "doc": inspect.cleandoc(field.description or ""),
-            "params": {k: v for group in _groups(field.annotation) for k, v in group.items()},
+            "doc": docs_of(params).get(key, ""),
+            "params": {
+                k: v for group in models_of(field.annotation) for k, v in params_of(group).items()
+            },
         }
         for key, field in params.model_fields.items()
     }
-
-
-def _groups(annotation: Any) -> list[dict[str, Any]]:
-    """Return the parameters of each group of parameters that an annotation names."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [params_of(annotation)]
-    return [group for inner in get_args(annotation) for group in _groups(inner)]
 
 
 def _plain(value: Any) -> Any:

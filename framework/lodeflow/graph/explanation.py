@@ -11,7 +11,7 @@ from lodeflow.graph.arguments import ARG
 from lodeflow.graph.layers import NODE_KEYS, Layers
 from lodeflow.graph.load import resolve_file
 from lodeflow.graph.model import Graph, GraphNode
-from lodeflow.graph.plugins import field_of, names_of, unit
+from lodeflow.graph.plugins import doc_of, field_of, names_of, unit
 from lodeflow.graph.problems import show
 
 
@@ -95,7 +95,7 @@ def _parameter(
         value = value.get(name) if isinstance(value, dict) else None
     symbol = f" {of.symbol}" if of.symbol and value is not None else ""
     head = [f"{node.name}.params.{'.'.join(names)} = {show(value, 1000)}{symbol}"]
-    meaning = (field.description or "").strip().splitlines() if field else []
+    meaning = doc_of(node.plugin.Params, names).splitlines()
     if of.symbol:
         meaning.append(f"Units: {of.quantity()}; a plain number is in {of.symbol}.")
     if field is None or field.is_required():

@@ -7,13 +7,14 @@ import re
 from collections.abc import Mapping
 from typing import Any, get_args
 
+from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
 from lodeflow.errors import NodeError
 from lodeflow.graph.check import FORMAT, RECORDED_TO
 from lodeflow.graph.model import Loss, OnCrash, Restart
-from lodeflow.graph.plugins import Plugin, field_of, load_plugin, unit
-from lodeflow.params import file_parameter
+from lodeflow.graph.plugins import Plugin, doc_of, load_plugin, unit
+from lodeflow.params import file_parameter, models_of
 from lodeflow.registry import registry
 
 Json = dict[str, Any]
@@ -238,15 +239,29 @@ def _params(name: str, plugin: Plugin) -> Json:
     made.pop("description", None)
     if "required" in made and (file := file_parameter(plugin.Params)):
         made["anyOf"] = [{"required": made.pop("required")}, {"required": [file]}]
-    for field_name, described in made.get("properties", {}).items():
-        field = field_of(plugin.Params, [field_name])
-        parts = [(field.description if field else None) or ""]
-        parts.append(f"[{unit(field).quantity()}]" if unit(field).symbol else "")
-        if text := " ".join(part for part in parts if part):
-            described["description"] = text
     inner = made.pop("$defs", {})
+    _describe(plugin.Params, made)
+    for model in _nested(plugin.Params):
+        _describe(model, inner.get(model.__name__, {}))
     definitions = {_key(name): made, **{f"{_key(name)}.{key}": d for key, d in inner.items()}}
     return {key: _open(definition) for key, definition in definitions.items()}
+
+
+def _nested(params: type[BaseModel]) -> list[type[BaseModel]]:
+    """Return the models inside of parameters, and inside of those."""
+    fields = params.model_fields.values()
+    models = [model for field in fields for model in models_of(field.annotation)]
+    return [found for model in models for found in (model, *_nested(model))]
+
+
+def _describe(params: type[BaseModel], definition: Json) -> None:
+    """Say what each parameter means, and its unit."""
+    for name, described in definition.get("properties", {}).items():
+        unit_of_it = unit(params.model_fields.get(name))
+        parts = [doc_of(params, [name])]
+        parts.append(f"[{unit_of_it.quantity()}]" if unit_of_it.symbol else "")
+        if text := " ".join(part for part in parts if part):
+            described["description"] = text
 
 
 def _open(part: Json) -> Json:

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from lodeflow.errors import MessageError, did_you_mean
 from lodeflow.graph.layers import merge, read_setting
-from lodeflow.graph.plugins import field_of, names_of, unit
+from lodeflow.graph.plugins import doc_of, field_of, names_of, unit
 from lodeflow.graph.problems import Origin, Place, Problems, join, show
 from lodeflow.graph.tree import Tree
 from lodeflow.messages.units import Dimensionless, Unit
@@ -290,8 +290,7 @@ def _is_number(value: Any, of: type[Unit]) -> bool:
 
 
 def _meaning(plugin: type[Configured], loc: Loc) -> str:
-    field = field_of(plugin.Params, loc)
-    symbol = unit(field).symbol
-    described = (field.description or "").strip().rstrip(".") if field else ""
+    symbol = unit(field_of(plugin.Params, loc)).symbol
+    described = doc_of(plugin.Params, loc).rstrip(".")
     text = " ".join(part for part in (described, f"[{symbol}]" if symbol else "") if part)
     return f": {text}" if text else ""

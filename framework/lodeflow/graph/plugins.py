@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Annotated, Any, get_args, get_origin
+from collections.abc import Iterable, Iterator
+from typing import Annotated, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from lodeflow.errors import NodeError
 from lodeflow.messages.units import Dimensionless, Unit
 from lodeflow.node import Node, Source
-from lodeflow.params import unit_of
+from lodeflow.params import docs_of, models_of, unit_of
 from lodeflow.registry import registry
 
 Plugin = type[Node] | type[Source]
@@ -30,21 +30,30 @@ def load_plugin(use: str) -> Plugin:
 
 def field_of(params: type[BaseModel], path: Iterable[str | int]) -> FieldInfo | None:
     """Return the innermost field on the path of a value, through nested models and lists."""
-    found: FieldInfo | None = None
-    models = [params]
-    for name in path:
-        fields = [field for m in models if (field := m.model_fields.get(str(name)))]
-        if fields:
-            found = fields[0]
-            models = models_of(found.annotation)
+    found = None
+    for model, name in _steps(params, path):
+        found = model.model_fields[name]
     return found
 
 
-def models_of(annotation: Any) -> list[type[BaseModel]]:
-    """Return the nested models in an annotation such as `Inner | None` or `list[Inner]`."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for inner in get_args(annotation) for model in models_of(inner)]
+def doc_of(params: type[BaseModel], path: Iterable[str | int]) -> str:
+    """Return what is said of the innermost field on the path of a value; "" for nothing."""
+    found = ""
+    for model, name in _steps(params, path):
+        found = docs_of(model).get(name, "")
+    return found
+
+
+def _steps(
+    params: type[BaseModel], path: Iterable[str | int]
+) -> Iterator[tuple[type[BaseModel], str]]:
+    """Yield the models and fields on the path of a value."""
+    models = [params]
+    for name in path:
+        having = [model for model in models if str(name) in model.model_fields]
+        if having:
+            yield having[0], str(name)
+            models = models_of(having[0].model_fields[str(name)].annotation)
 
 
 def names_of(params: type[BaseModel], above: Iterable[str | int]) -> list[str]:

@@ -54,6 +54,7 @@ class StreamConstants:
             ),
         )
 
+
 PACKED_VALUES = 256
 """Values of a sample up to which struct.pack is quicker than a block of one row."""
 
