@@ -33,29 +33,28 @@ class Measure(NamedTuple):
 
 
 IMU, PACKET = 324, 64
-FLOW = 200_000
+FLOW = 50_000
 ROWS = 100
 
 
 def _measures() -> list[Measure]:
     found = []
     for size, name, hz, count in (
-        (64, "64 B", 250, 500),
-        (100_000, "100 KB", 250, 500),
-        (4_000_000, "4 MB", 20, 60),
+        (64, "64 B", 250, 400),
+        (100_000, "100 KB", 250, 400),
+        (4_000_000, "4 MB", 20, 40),
     ):
         task = Task(size, count, hz)
-        for figure in ("p50", "p99"):
-            found.append(Measure("latency", f"{name}, {figure}", task, figure, "us"))
+        found += [
+            Measure("latency", f"{name}, {figure}", task, figure, "us") for figure in ("p50", "p99")
+        ]
     device = Task(64, 500, 250)
     found.append(
         Measure("device", "64 B, p50", device, "p50", "us", "device", ("zenoh", "lodeflow"))
     )
-    found.append(
-        Measure("messages", f"{IMU} B", Task(IMU, FLOW), "rate", "1/s", "imu samples")
-    )
+    found.append(Measure("messages", f"{IMU} B", Task(IMU, FLOW), "rate", "1/s", "imu samples"))
     for size, name, graph in ((PACKET, "64 B records", "blocks"), (IMU, "Imu", "imu")):
-        task = Task(size * ROWS, 2_000_000, rows=ROWS)
+        task = Task(size * ROWS, 1_000_000, rows=ROWS)
         found.append(Measure("blocks", f"{name}, blocks of {ROWS}", task, "rate", "1/s", graph))
     chain = Task(64, 5000, 1000, relays=4)
     for figure, unit in (("p50", "us"), ("p99", "us"), ("cpu", "%")):
@@ -88,7 +87,7 @@ def main() -> None:
     seen: dict[tuple[Any, str], list[dict[str, Any] | None]] = {}
     for number in range(given.rounds):
         for run in runs:
-            group, task, graph, able = run
+            group, task, _, able = run
             measure = next(m for m in measures if (m.group, m.task, m.graph, m.peers) == run)
             order = [peer for peer in PEERS if peer in peers and peer in able]
             turn = number % max(len(order), 1)

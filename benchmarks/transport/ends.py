@@ -71,7 +71,7 @@ def _zenoh_recv(where: str) -> Receive:
     return lambda: recv().payload.to_bytes()
 
 
-# ---- pyzmq: PUSH and PULL over ipc ----------------------------------------------------------------
+# ---- pyzmq: PUSH and PULL over ipc ---------------------------------------------------------------
 
 
 def _zmq_send(where: str) -> Send:
@@ -90,7 +90,7 @@ def _zmq_recv(where: str) -> Receive:
     return socket.recv
 
 
-# ---- iceoryx2: publish and subscribe over shared memory, an event to wake the reader --------------
+# ---- iceoryx2: publish and subscribe over shared memory, an event to wake the reader -------------
 
 
 def _iceoryx_services(where: str) -> tuple[Any, Any]:

@@ -87,7 +87,7 @@ class Blocks(lf.Source):
 
     def read(self, clock: lf.Clock) -> Iterator[Packet]:
         rows = TASK.rows
-        values, tail = np.zeros((rows, VALUES)), np.zeros(rows, dtype=np.uint32)
+        values, tail = np.zeros((rows, VALUES)), np.zeros(rows, dtype=np.int64)
         for first in range(0, TASK.count, rows):
             n = np.arange(first, first + rows, dtype=np.int64)
             values[:, 1] = n
@@ -104,8 +104,7 @@ class BlockSink(lf.Node):
 
 class ImuBlocks(lf.Source):
     def read(self, clock: lf.Clock) -> Iterator[lf.Imu]:
-        rows = TASK.rows
-        zeros = np.zeros((rows, 3))
+        rows = max(TASK.rows, 100)
         for first in range(0, TASK.count, rows):
             n = np.arange(first, first + rows, dtype=np.int64)
             zeros = np.zeros((rows, 3))

@@ -15,7 +15,7 @@ import numpy as np
 HEAD = struct.Struct("<dd")
 """Monotonic nanoseconds at which it was sent, and its number: the first bytes of a message."""
 
-SETTLE = 1.0
+SETTLE = 0.3
 """Seconds between the first message and those that are measured."""
 
 
@@ -59,7 +59,7 @@ class Book:
         self.first = 0
 
     def see(self, sent: float, number: float, count: int = 1) -> bool:
-        """Note a message, or so many at once; return whether all have come."""
+        """Note a message, or so many at once; return whether it was the last."""
         now = time.monotonic_ns()
         if not self.seen:
             self.first = now
@@ -67,7 +67,7 @@ class Book:
         if self.task.hz:
             self.delays.append(now - sent)
         self.seen += count
-        if self.seen < self.task.count:
+        if number + 1 < self.task.count:
             return False
         found: dict[str, Any] = {"first": self.first, "seconds": (now - self.first) / 1e9}
         found["missing"] = int(number) + 1 - self.seen
@@ -80,9 +80,9 @@ class Book:
         return True
 
 
-def paced(task: Task) -> Any:
+def paced(task: Task, settle: float = SETTLE) -> Any:
     """Yield numbers from 0 at the task's pace; before the second, all settles."""
-    begun = time.monotonic() + SETTLE
+    begun = time.monotonic() + settle
     for number in range(task.count // task.rows):
         if task.hz and number:
             wait = begun + number / task.hz - time.monotonic()

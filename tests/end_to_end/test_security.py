@@ -1,11 +1,10 @@
-"""A graph over two hosts with certificates, passwords and access control, as in docs/security.md."""
+"""Two hosts with certificates, passwords and access control, as in docs/security.md."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +89,7 @@ def site(lodeflow: CommandLine) -> Site:
 
 
 @pytest.fixture
-def running(site: Site) -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
+def running(site: Site) -> tuple[subprocess.Popen[str], subprocess.Popen[str]]:
     robot, base = site.start("--realtime", "--arg", "seconds=60")
     until = time.monotonic() + 60
     session = site.connect(site.visitor("viewer", "viewer", "viewer's password"))
@@ -99,7 +98,7 @@ def running(site: Site) -> Iterator[tuple[subprocess.Popen[str], subprocess.Pope
         assert time.monotonic() < until, "no data"
         time.sleep(0.02)
     close_session(session)
-    yield robot, base
+    return robot, base
 
 
 def test_two_hosts_with_certificates_and_passwords_record_the_same(site: Site) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lodeflow.clock import Clock, Pacer, SimClock, WallClock
+from lodeflow.clock import Clock, Pacer, SimClock, WallClock, monotonic
 from lodeflow.errors import ContractError, RunError
 from lodeflow.graph.model import Wire
 from lodeflow.runtime.blocks import BlockDriver
@@ -20,6 +20,8 @@ from lodeflow.sync import END, NEVER
 
 TICK = 0.02
 """Seconds between looks at the stop flag and the live sources' clocks when nothing comes."""
+BURST = 0.001
+"""Seconds of samples that are overdue after which what came of them is passed on."""
 
 Watch = Callable[[int], None]
 """Called with the event time reached, between batches; it may raise to end the run."""
@@ -203,18 +205,29 @@ class Engine:
                     for batch in inbox.drain():
                         self._push_rows(driver, inbox.node.name, batch)
                 live = [inbox for inbox in live if inbox.intake.floor < END]
-                due = min(files, key=lambda feed: feed.t, default=None)
-                if due is not None and (wait := pacer.remaining(due.t)) <= 0:
-                    self._saw(due.t, due.t)
-                    due.push(driver)
-                    if due.t == END:
-                        files.remove(due)
+                wait = min(wait, self._push_due(driver, files, pacer))
             self.exchange.flush()
             self.watch(self.reached)
             if wait > 0 and not moved:
                 driver.count()
                 self.exchange.wait(min(wait, TICK))
         self.exchange.flush()
+
+    def _push_due(self, driver: SampleDriver, files: list[_Paced], pacer: Pacer) -> float:
+        """Bring in what is due, for no longer than `BURST`; return the seconds until more is."""
+        until = monotonic() + BURST
+        while files:
+            due = files[0] if len(files) == 1 else min(files, key=lambda feed: feed.t)
+            wait = pacer.remaining(due.t)
+            if wait > 0:
+                return wait
+            self._saw(due.t, due.t)
+            due.push(driver)
+            if due.t == END:
+                files.remove(due)
+            if self.stopping.is_set() or monotonic() > until:
+                return 0.0
+        return TICK
 
     def _end_sources(self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed]) -> None:
         for feed in files:
@@ -275,6 +288,11 @@ class _Paced:
 def _by_stamp(batch: Batch) -> Iterator[tuple[int, list[tuple[int, Any]]]]:
     """Yield (stamp, messages) of a batch in the order of stamps."""
     if not batch.blocks:
+        return
+    if len(batch.blocks) == 1:
+        ((port, block),) = batch.blocks
+        for index, t in enumerate(block.t.tolist()):
+            yield t, [(port, block.row(index))]
         return
     for t in np.unique(np.concatenate([block.t for _, block in batch.blocks])).tolist():
         found = []

@@ -43,7 +43,8 @@ _ACCEPT = re.compile(r"UsrPwd extension - Recv \w+\. (.*?)\.? at ")
 _TLS = re.compile(r"(.*?)\. Hint: ")
 _OPEN = re.compile(r"Received a close message .*?(?:=> |dst: )(\w+/[^ ,]+)")
 _CONNECT = re.compile(
-    r"Unable to connect to configured peer (\S+)! (received fatal alert.*?|invalid peer cert.*?) at "
+    r"Unable to connect to configured peer (\S+)! "
+    r"(received fatal alert.*?|invalid peer cert.*?) at "
 )
 _AUTHORIZED = b" is authorized to "
 
