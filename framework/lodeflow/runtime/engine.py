@@ -20,8 +20,8 @@ from lodeflow.sync import END, NEVER
 
 TICK = 0.02
 """Seconds between looks at the stop flag and the live sources' clocks when nothing comes."""
-BURST = 0.001
-"""Seconds of samples that are overdue after which what came of them is passed on."""
+BURST, BURST_STAMPS = 0.001, 32
+"""Seconds, and stamps, of overdue samples after which what came of them is passed on."""
 
 Watch = Callable[[int], None]
 """Called with the event time reached, between batches; it may raise to end the run."""
@@ -216,7 +216,9 @@ class Engine:
     def _push_due(self, driver: SampleDriver, files: list[_Paced], pacer: Pacer) -> float:
         """Bring in what is due, for no longer than `BURST`; return the seconds until more is."""
         until = monotonic() + BURST
-        while files:
+        for _ in range(BURST_STAMPS):
+            if not files:
+                return TICK
             due = files[0] if len(files) == 1 else min(files, key=lambda feed: feed.t)
             wait = pacer.remaining(due.t)
             if wait > 0:
@@ -225,9 +227,9 @@ class Engine:
             due.push(driver)
             if due.t == END:
                 files.remove(due)
-            if self.stopping.is_set() or monotonic() > until:
-                return 0.0
-        return TICK
+            if monotonic() > until:
+                break
+        return 0.0 if files else TICK
 
     def _end_sources(self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed]) -> None:
         for feed in files:
