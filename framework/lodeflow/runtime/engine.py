@@ -227,7 +227,8 @@ class Engine:
             due.push(driver)
             if due.t == END:
                 files.remove(due)
-            if monotonic() > until:
+            self.watch(self.reached)
+            if self.stopping.is_set() or monotonic() > until:
                 break
         return 0.0 if files else TICK
 

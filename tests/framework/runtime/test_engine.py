@@ -27,7 +27,7 @@ import lodeflow as lf
 from lodeflow.errors import ContractError, NodeFailure, RunError
 from lodeflow.graph.model import Graph
 from lodeflow.messages.cdr import layout_of
-from lodeflow.runtime.engine import BURST_STAMPS, Engine
+from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.feed import ROWS
 from lodeflow.runtime.plan import Plan
 
@@ -153,8 +153,7 @@ def test_stopping_ends_the_sources_and_lets_the_nodes_finish(options: Any) -> No
     engine = Engine(plan, watch=watch, **options)
     engine.run()
     count = len(rows(sent["s"]))
-    # Blocks are gathered, and overdue samples brought in a few at a time.
-    assert 20 <= count <= 23 + (BURST_STAMPS if options else ROWS)
+    assert 20 <= count <= (23 if options else 20 + ROWS)  # blocks are gathered
     assert rows(sent["sum"])[-1][1] == count
 
 
