@@ -20,7 +20,6 @@ from lodeflow.graph.partition import Part, partition
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.exchange import part_of
 from lodeflow.runtime.plan import Plan
-from lodeflow.transport import links as links_module
 from lodeflow.transport.links import Links
 from lodeflow.transport.session import LINKS, close_session, open_session
 
@@ -130,5 +129,5 @@ def test_nor_on_how_little_a_link_takes(case: Case, seed: int) -> None:
     """With a window of two frames, everybody waits for everybody, and nobody for ever."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("lodeflow.transport.link.WINDOW", 2)
-        patch.setattr(links_module, "FRAME_BYTES", 64)
+        patch.setattr("lodeflow.transport.outlet.FRAME_BYTES", 64)
         check(case, seed)

@@ -158,7 +158,8 @@ class Layout:
         return self.decode_block(np.frombuffer(record, dtype=np.uint8)[None]).row(0)
 
     def _encode_large_sample(self, sample: Message) -> bytes:
-        return self.encode_block(sample.as_block())[0].tobytes()
+        record: bytes = self.encode_block(sample.as_block())[0].tobytes()
+        return record
 
     def _compile_sample(self) -> Callable[[Message], bytes]:
         """Generate the encoder of one sample: one struct.pack with the constant bytes between."""

@@ -169,7 +169,7 @@ def begin(*, keys: bool) -> None:
     global _sessions, _output
     _sessions += 1
     if "RUST_LOG" in os.environ:
-        zenoh.try_init_log_from_env()
+        zenoh.try_init_log_from_env()  # type: ignore[no-untyped-call]
         return
     if _output is None:
         _output = _StandardOutput()
