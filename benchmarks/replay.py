@@ -115,6 +115,7 @@ def measure(rounds: int, hours: float) -> dict[str, Any]:
             for count in counts:
                 nodes[count].append(bench.replay(ten, bench.gyroscopes(count, 600)))
         hour.unlink()
+        ten.unlink()
         for seconds in lengths:
             path = bench.recorded(seconds, "--with", bench.sensors)
             for _ in range(rounds if seconds <= 3600 else 1):
