@@ -10,14 +10,15 @@ import numpy as np
 
 from lodeflow_plugins.fusion.heading_kalman.kalman import (
     BELIEFS,
-    DELTA,
-    DRIFT,
+    COS,
     HARD_IRON,
     LEVEL,
     UNKNOWN,
     P,
     begin,
     correct,
+    face,
+    facing,
     look_for_magnet,
     predict,
     report,
@@ -25,13 +26,15 @@ from lodeflow_plugins.fusion.heading_kalman.kalman import (
 from lodeflow_plugins.fusion.rotations import (
     Rotation,
     Vector,
-    apply,
     conjugate,
     four,
+    inlined,
     kernel,
-    matrix,
     multiply,
+    rotate,
     three,
+    turn_about_vertical,
+    turn_by,
 )
 
 SECOND = 1_000_000_000
@@ -66,6 +69,7 @@ def new_state() -> np.ndarray:
     state = np.zeros(STATE_SIZE)
     state[KALMAN + LEVEL] = 1.0
     state[KALMAN + P] = UNKNOWN
+    state[KALMAN + COS] = 1.0
     return state
 
 
@@ -133,19 +137,19 @@ def step(constants: np.ndarray, state: np.ndarray, x: np.ndarray) -> None:
     if state[PHASE] == RUNNING:
         predict(seconds, constants, x)
         correct(y, w, seconds, constants, x)
-        look_for_magnet(matrix(four(state, ATTITUDE)), seconds, constants, x)
+        look_for_magnet(four(state, ATTITUDE), seconds, constants, x)
         return
     weight = min(1.0, seconds / SMOOTHING) if state[PHASE] == AVERAGING else 1.0
     state[PHASE] = AVERAGING
     for i in range(3):
         state[MEAN_FIELD + i] += weight * (y[i] - state[MEAN_FIELD + i])
-    x[DELTA] = math.atan2(state[MEAN_FIELD], state[MEAN_FIELD + 1])
+    face(math.atan2(state[MEAN_FIELD], state[MEAN_FIELD + 1]), x)
     if state[AGE] >= constants[11]:
         state[PHASE] = RUNNING
         begin(three(state, MEAN_FIELD), constants, x)
 
 
-@kernel
+@inlined
 def gather(m: Vector, constants: np.ndarray, state: np.ndarray, x: np.ndarray) -> None:
     """Take a field in the body's frame; step when there has been time enough."""
     last = three(state, FIELD)
@@ -159,7 +163,7 @@ def gather(m: Vector, constants: np.ndarray, state: np.ndarray, x: np.ndarray) -
         return
     iron = three(x, HARD_IRON)
     m = m[0] - iron[0], m[1] - iron[1], m[2] - iron[2]
-    y = apply(matrix(four(state, ATTITUDE)), m)
+    y = rotate(four(state, ATTITUDE), m)
     for i in range(3):
         state[FIELD_SUM + i] += y[i]
         state[RATE_SUM + i] += state[RATE + i]
@@ -168,7 +172,7 @@ def gather(m: Vector, constants: np.ndarray, state: np.ndarray, x: np.ndarray) -
         step(constants, state, x)
 
 
-@kernel
+@inlined
 def take(
     interval: int,
     has_attitude: bool,
@@ -203,12 +207,11 @@ def take(
     if state[DUE] <= 0.0:
         state[REPORT] = 1.0
         state[DUE] = max(state[DUE] + constants[13], 0.0)
-    half = 0.5 * (x[DELTA] + min(1e-9 * state[SINCE_STEP], constants[2]) * x[DRIFT])
     if constants[12] != 0.0:
-        ahead = 0.5 * constants[12]
-        turn = ahead * state[RATE], ahead * state[RATE + 1], ahead * state[RATE + 2], 1.0
-        q = multiply(turn, q)
-    q = multiply((0.0, 0.0, math.sin(half), math.cos(half)), q)
+        ahead, w = constants[12], three(state, RATE)
+        q = multiply(turn_by((ahead * w[0], ahead * w[1], ahead * w[2])), q)
+    sin, cos = facing(1e-9 * state[SINCE_STEP], constants, x)
+    q = turn_about_vertical(sin, cos, q)
     return q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
 
 

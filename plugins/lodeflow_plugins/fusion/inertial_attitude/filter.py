@@ -23,15 +23,20 @@ from lodeflow_plugins.fusion.rotations import (
     Rotation,
     Vector,
     apply,
+    cholesky,
+    dot,
     four,
-    inverse,
+    inlined,
     kernel,
     matrix,
     multiply,
     nine,
-    product,
+    renormalised,
+    rotate,
+    six,
+    solve,
     three,
-    transposed,
+    turn_by,
     upright,
 )
 
@@ -41,26 +46,30 @@ SECOND = 1_000_000_000
 # nanoseconds since 1970; durations in whole nanoseconds; the filter.
 SECONDS, NANOSECONDS = 0, 1
 SAMPLES = 2  # 0, 1, or 2 for more
-INTERVAL = 3  # for which the next two hold
-REST_COEFFICIENT, FORCE_COEFFICIENT = 4, 5
-SINCE_FORCE = 6  # since the last sample with a specific force
-STILL = 7  # since the last sign of motion
-RESTING = 8  # 0 or 1
-TURN = 9  # quaternion, I <- body
-LEVEL = 13  # quaternion, earth <- I
-BIAS = 17
-COVARIANCE = 20  # of the bias, by rows
-FIRST = 29  # rate and force of the first sample
+SINCE_FORCE = 3  # since the last sample with a specific force
+STILL = 4  # since the last sign of motion
+RESTING = 5  # 0 or 1
+TURN = 6  # quaternion, I <- body
+LEVEL = 10  # quaternion, earth <- I
+BIAS = 14
+COVARIANCE = 17  # of the bias, the lower triangle by rows
+INTERVAL = 23  # for which the next six hold
+REST_COEFFICIENT, REST_SCALE, FORCE_COEFFICIENT, FORCE_SCALE = 24, 25, 26, 27
+GROWTH, PER_SECOND = 28, 29
+FIRST = 30  # rate and force of the first sample
 # Banks of low-passes: number of samples and duration of the beginning, then outputs, slopes and
 # last inputs of the components. For the detection of rest: rate, specific force. In I: specific
 # force. R(earth <- body) by rows, and x and y of R bias, to see the bias as the force shows it.
-REST_RATE, REST_FORCE, INERTIAL_FORCE, ROTATION = 35, 46, 57, 68
+REST_RATE, REST_FORCE, INERTIAL_FORCE, ROTATION = 36, 47, 58, 69
 OUTPUT = 2  # offset in a bank
 LANES = ROTATION + OUTPUT
-SCRATCH = 103  # new inputs of a bank
-DUE = 114  # time until the bias is reported
-REPORT, CHANGE = 115, 116  # 1 where the last sample has a report, or another RESTING
-STATE_SIZE = 117
+SCRATCH = 104  # new inputs of a bank
+DUE = 115  # time until the bias is reported
+REPORT, CHANGE = 116, 117  # 1 where the last sample has a report, or another RESTING
+STATE_SIZE = 118
+
+ROWS = ((0, 1, 3), (1, 2, 4), (3, 4, 5))
+"""Where the elements of a symmetric matrix are in its lower triangle."""
 
 SETTLED = 0.1 * math.pi / 180.0
 """Bias standard deviation that the system noise adds in the forgetting time, rad/s; the unit in
@@ -68,7 +77,7 @@ which the paper counts forgetting."""
 
 
 def new_state() -> np.ndarray:
-    """State of a filter that has seen nothing, float64 (117,)."""
+    """State of a filter that has seen nothing, float64 (118,)."""
     state = np.zeros(STATE_SIZE)
     state[TURN + 3] = state[LEVEL + 3] = 1.0
     return state
@@ -124,29 +133,34 @@ def constants(
 
 def bias_of(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the bias (3,), rad/s, and its covariance (3, 3), rad^2/s^2."""
-    return state[BIAS : BIAS + 3].copy(), state[COVARIANCE : COVARIANCE + 9].reshape(3, 3).copy()
+    return state[BIAS : BIAS + 3].copy(), state[COVARIANCE : COVARIANCE + 6][list(ROWS)]
 
 
-@kernel
-def coefficient(interval: float, time_constant: float) -> float:
-    """tan(w interval / 2) for w = sqrt(2) / time_constant; where it cannot filter, it follows."""
-    return math.tan(min(interval / (math.sqrt(2.0) * time_constant), 1.25))
+@inlined
+def prepare(interval: float, constants: np.ndarray, state: np.ndarray) -> None:
+    """Work out what depends on the interval alone, ns; where a low-pass cannot filter, it follows.
+
+    The coefficient of a low-pass is tan(w interval / 2) for w = sqrt(2) / time constant.
+    """
+    root = math.sqrt(2.0)
+    rest = math.tan(min(interval / (root * constants[1]), 1.25))
+    force = math.tan(min(interval / (root * constants[0]), 1.25))
+    state[INTERVAL] = interval
+    state[REST_COEFFICIENT], state[REST_SCALE] = rest, 1.0 / (1.0 + root * rest + rest * rest)
+    state[FORCE_COEFFICIENT], state[FORCE_SCALE] = force, 1.0 / (1.0 + root * force + force * force)
+    state[GROWTH] = constants[7] * 1e-9 * interval
+    state[PER_SECOND] = 1e9 / interval
 
 
-@kernel
+@inlined
 def low_pass(
-    state: np.ndarray,
-    bank: int,
-    n: int,
-    c: float,
-    interval: float,
-    time_constant: float,
+    state: np.ndarray, bank: int, n: int, coefficients: int, interval: float, time_constant: float
 ) -> None:
     """Second-order Butterworth low-pass of the first n numbers of SCRATCH, in a bank.
 
-    y'' + sqrt(2) w y' + w^2 y = w^2 x by the trapezoidal rule, with c = tan(w interval / 2). The
-    output is the mean of all samples for the first time constant, and the filter starts from it.
-    bank: index in the state; interval, time_constant: ns.
+    y'' + sqrt(2) w y' + w^2 y = w^2 x by the trapezoidal rule. The output is the mean of all
+    samples for the first time constant, and the filter starts from it.
+    bank, coefficients: indices in the state; interval, time_constant: ns.
     """
     y, slope, before = bank + OUTPUT, bank + OUTPUT + n, bank + OUTPUT + 2 * n
     if state[bank + 1] < time_constant:
@@ -156,7 +170,7 @@ def low_pass(
             state[y + i] += (state[SCRATCH + i] - state[y + i]) / state[bank]
             state[before + i] = state[y + i]
     else:
-        scale = 1.0 / (1.0 + math.sqrt(2.0) * c + c * c)
+        c, scale = state[coefficients], state[coefficients + 1]
         for i in range(n):
             both = scale * (
                 2.0 * state[slope + i]
@@ -167,37 +181,38 @@ def low_pass(
             state[before + i] = state[SCRATCH + i]
 
 
-@kernel
+@inlined
 def limited(value: float, limit: float) -> float:
     """Return the value, held within +-limit."""
     return min(max(value, -limit), limit)
 
 
-@kernel
+@inlined
 def correct_bias(state: np.ndarray, h: Matrix, e: Vector, variance: Vector, limit: float) -> None:
-    """Kalman update of the bias and its covariance.
+    """Kalman update of the bias and its covariance, which stays symmetric to the last bit.
 
     e is measured minus H bias, variance that of each component; e and the bias are limited.
     """
-    p = nine(state, COVARIANCE)
-    g = product(p, transposed(h))  # P H^T
-    s = product(h, g)
-    k = product(
-        g,
-        inverse(
-            (
-                s[0] + variance[0], s[1], s[2],
-                s[3], s[4] + variance[1], s[5],
-                s[6], s[7], s[8] + variance[2],
-            )
-        ),
-    )  # fmt: skip
-    change = apply(k, (limited(e[0], limit), limited(e[1], limit), limited(e[2], limit)))
-    for i in range(3):
-        state[BIAS + i] = limited(state[BIAS + i] + change[i], limit)
-    loss = product(k, transposed(g))  # K H P, symmetric but for rounding
-    for i in range(9):
-        state[COVARIANCE + i] -= 0.5 * (loss[i] + transposed(loss)[i])
+    p = six(state, COVARIANCE)
+    a, b, c = apply(h, (p[0], p[1], p[3])), apply(h, (p[1], p[2], p[4])), apply(h, p[3:])  # H P
+    x = h[0] * a[0] + h[1] * b[0] + h[2] * c[0] + variance[0]
+    y = h[3] * a[1] + h[4] * b[1] + h[5] * c[1] + variance[1]
+    z = h[6] * a[2] + h[7] * b[2] + h[8] * c[2] + variance[2]
+    yx = h[3] * a[0] + h[4] * b[0] + h[5] * c[0]
+    zx = h[6] * a[0] + h[7] * b[0] + h[8] * c[0]
+    zy = h[6] * a[1] + h[7] * b[1] + h[8] * c[1]
+    root = cholesky((x, yx, y, zx, zy, z))
+    u = solve(root, (limited(e[0], limit), limited(e[1], limit), limited(e[2], limit)))
+    a, b, c = solve(root, a), solve(root, b), solve(root, c)
+    state[BIAS] = limited(state[BIAS] + dot(a, u), limit)
+    state[BIAS + 1] = limited(state[BIAS + 1] + dot(b, u), limit)
+    state[BIAS + 2] = limited(state[BIAS + 2] + dot(c, u), limit)
+    state[COVARIANCE] -= dot(a, a)
+    state[COVARIANCE + 1] -= dot(b, a)
+    state[COVARIANCE + 2] -= dot(b, b)
+    state[COVARIANCE + 3] -= dot(c, a)
+    state[COVARIANCE + 4] -= dot(c, b)
+    state[COVARIANCE + 5] -= dot(c, c)
 
 
 @kernel
@@ -207,40 +222,39 @@ def advance(
     force: Vector,
     constants: np.ndarray,
     state: np.ndarray,
-) -> None:
-    """Take one sample for an interval in ns."""
+) -> Rotation:
+    """Take one sample for an interval in ns; return the attitude."""
     limit = constants[5]
     if interval != state[INTERVAL]:
-        state[INTERVAL] = interval
-        state[FORCE_COEFFICIENT] = coefficient(interval, constants[0])
-        state[REST_COEFFICIENT] = coefficient(interval, constants[1])
+        prepare(interval, constants, state)
 
     state[SCRATCH], state[SCRATCH + 1], state[SCRATCH + 2] = rate
-    low_pass(state, REST_RATE, 3, state[REST_COEFFICIENT], interval, constants[1])
+    low_pass(state, REST_RATE, 3, REST_COEFFICIENT, interval, constants[1])
     mean = three(state, REST_RATE + OUTPUT)
     deviation = (rate[0] - mean[0]) ** 2 + (rate[1] - mean[1]) ** 2 + (rate[2] - mean[2]) ** 2
     if deviation >= constants[3] or max(abs(mean[0]), abs(mean[1]), abs(mean[2])) > limit:
         state[STILL] = state[RESTING] = 0.0
 
-    bias = three(state, BIAS)
-    wx, wy, wz = rate[0] - bias[0], rate[1] - bias[1], rate[2] - bias[2]
-    norm = math.sqrt(wx * wx + wy * wy + wz * wz)
-    half = 0.5e-9 * interval
-    sinc = math.sin(half * norm) / norm if norm > 1e-12 else half
-    turn = multiply(four(state, TURN), (sinc * wx, sinc * wy, sinc * wz, math.cos(half * norm)))
+    bias, seconds = three(state, BIAS), 1e-9 * interval
+    turned = (
+        seconds * (rate[0] - bias[0]),
+        seconds * (rate[1] - bias[1]),
+        seconds * (rate[2] - bias[2]),
+    )
+    turn = renormalised(multiply(four(state, TURN), turn_by(turned)))
     state[TURN], state[TURN + 1], state[TURN + 2], state[TURN + 3] = turn
+    level = four(state, LEVEL)
 
     since = min(state[SINCE_FORCE] + interval, constants[1])
     if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
         state[SINCE_FORCE] = since
-        return  # nothing measured
+        return multiply(level, turn)  # nothing measured
     state[SINCE_FORCE] = 0.0
-    c_rest, c_force = state[REST_COEFFICIENT], state[FORCE_COEFFICIENT]
     if since != interval:
-        c_rest, c_force = coefficient(since, constants[1]), coefficient(since, constants[0])
+        prepare(since, constants, state)
 
     state[SCRATCH], state[SCRATCH + 1], state[SCRATCH + 2] = force
-    low_pass(state, REST_FORCE, 3, c_rest, since, constants[1])
+    low_pass(state, REST_FORCE, 3, REST_COEFFICIENT, since, constants[1])
     slow = three(state, REST_FORCE + OUTPUT)
     deviation = (force[0] - slow[0]) ** 2 + (force[1] - slow[1]) ** 2 + (force[2] - slow[2]) ** 2
     if deviation >= constants[4]:
@@ -250,25 +264,24 @@ def advance(
         if state[STILL] >= constants[2]:
             state[RESTING] = 1.0
 
-    state[SCRATCH], state[SCRATCH + 1], state[SCRATCH + 2] = apply(matrix(turn), force)
-    low_pass(state, INERTIAL_FORCE, 3, c_force, since, constants[0])
-    level = four(state, LEVEL)
+    state[SCRATCH], state[SCRATCH + 1], state[SCRATCH + 2] = rotate(turn, force)
+    low_pass(state, INERTIAL_FORCE, 3, FORCE_COEFFICIENT, since, constants[0])
     # north and east: of the unit force before it is turned upright.
-    tilt, east, north = upright(apply(matrix(level), three(state, INERTIAL_FORCE + OUTPUT)))
-    level = multiply(tilt, level)
+    tilt, east, north = upright(rotate(level, three(state, INERTIAL_FORCE + OUTPUT)))
+    level = renormalised(multiply(tilt, level))
     state[LEVEL], state[LEVEL + 1], state[LEVEL + 2], state[LEVEL + 3] = level
 
     # The correction is what the bias has turned since the last sample, as the low-pass shows it.
-    r = matrix(multiply(level, turn))
+    attitude = multiply(level, turn)
+    r = matrix(attitude)
     for i in range(9):
         state[SCRATCH + i] = r[i]
     state[SCRATCH + 9], state[SCRATCH + 10], _ = apply(r, bias)
-    low_pass(state, ROTATION, 11, c_force, since, constants[0])
-    seconds = 1e-9 * since
-    growth = constants[7] * seconds
-    for i in range(3):
-        if state[COVARIANCE + 4 * i] < constants[6]:
-            state[COVARIANCE + 4 * i] += growth
+    low_pass(state, ROTATION, 11, FORCE_COEFFICIENT, since, constants[0])
+    growth = state[GROWTH]
+    for i in (COVARIANCE, COVARIANCE + 2, COVARIANCE + 5):
+        if state[i] < constants[6]:
+            state[i] += growth
     if state[RESTING] == 1.0:
         variance = vertical = constants[9] ** 2 / growth + constants[9]
         h = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -278,15 +291,16 @@ def advance(
         vertical = variance / constants[10]
         h = nine(state, LANES)
         measured = (
-            state[LANES + 9] - north / seconds,
-            state[LANES + 10] + east / seconds,
+            state[LANES + 9] - north * state[PER_SECOND],
+            state[LANES + 10] + east * state[PER_SECOND],
             0.0,  # nothing measures it
         )
     else:
-        return
+        return attitude
     expected = apply(h, bias)
     e = measured[0] - expected[0], measured[1] - expected[1], measured[2] - expected[2]
     correct_bias(state, h, e, (variance, variance, vertical), limit)
+    return attitude
 
 
 @kernel
@@ -295,11 +309,11 @@ def begin_anew(state: np.ndarray, interval: float, constants: np.ndarray) -> Non
     state[STILL] = state[RESTING] = 0.0
     for i in range(REST_RATE, SCRATCH):
         state[i] = 0.0
-    for i in range(COVARIANCE, COVARIANCE + 9, 4):
+    for i in (COVARIANCE, COVARIANCE + 2, COVARIANCE + 5):
         state[i] = min(state[i] + 1e-9 * interval * constants[7], constants[6])
 
 
-@kernel
+@inlined
 def take(
     interval: int, rate: Vector, force: Vector, constants: np.ndarray, state: np.ndarray
 ) -> Rotation:
@@ -310,7 +324,8 @@ def take(
         state[DUE] = constants[11]
         for i in range(3):
             state[FIRST + i], state[FIRST + 3 + i] = rate[i], force[i]
-            state[COVARIANCE + 4 * i] = constants[6]
+        for i in (COVARIANCE, COVARIANCE + 2, COVARIANCE + 5):
+            state[i] = constants[6]
         if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
             return 0.0, 0.0, 0.0, 1.0
         return upright(force)[0]
@@ -320,14 +335,13 @@ def take(
         advance(min(float(interval), constants[1]), first, vertical, constants, state)
     elif interval > constants[1]:
         begin_anew(state, float(interval), constants)
-    advance(min(float(interval), constants[1]), rate, force, constants, state)
+    q = advance(min(float(interval), constants[1]), rate, force, constants, state)
     state[CHANGE] = 1.0 if state[RESTING] != before else 0.0
     state[DUE] -= interval
     state[REPORT] = 0.0
     if state[DUE] <= 0.0:
         state[REPORT] = 1.0
         state[DUE] = max(state[DUE] + constants[11], 0.0)
-    q = multiply(four(state, LEVEL), four(state, TURN))
     return q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
 
 
@@ -373,7 +387,7 @@ def run(
             for i in range(3):
                 bias[reported, i] = state[BIAS + i]
                 for j in range(3):
-                    covariance[reported, i, j] = state[COVARIANCE + 3 * i + j]
+                    covariance[reported, i, j] = state[COVARIANCE + ROWS[i][j]]
             reports[reported] = k
             reported += 1
         if state[CHANGE] == 1.0:
