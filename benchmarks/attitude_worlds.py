@@ -21,7 +21,7 @@ import numpy as np
 
 import lodeflow as lf
 from lodeflow.testing import run_node
-from lodeflow_plugins.fusion.attitude_fuser import AttitudeFuser
+from lodeflow_plugins.fusion.attitude_fuser.node import AttitudeFuser
 from lodeflow_plugins.fusion.inertial_attitude.node import InertialAttitude
 from lodeflow_plugins.fusion.peers.vqf import Vqf
 from lodeflow_plugins.sources.simulated_vehicle import model

@@ -38,7 +38,7 @@ from lodeflow.graph.model import Graph, GraphNode, Wire
 from lodeflow.runtime.blocks import BlockDriver
 from lodeflow.runtime.plan import Plan
 from lodeflow.runtime.samples import SampleDriver
-from lodeflow_plugins.fusion.attitude_fuser import AttitudeFuser
+from lodeflow_plugins.fusion.attitude_fuser.node import AttitudeFuser
 from lodeflow_plugins.fusion.heading_kalman.node import HeadingKalman
 from lodeflow_plugins.fusion.inertial_attitude.node import InertialAttitude
 from lodeflow_plugins.fusion.quaternion_kalman import filter as kalman

@@ -38,7 +38,7 @@ def lodeflow_nodes() -> dict[str, str]:
         "imufusion": f"{peers}.imufusion:ImuFusion",
         "ahrs_madgwick": f"{peers}.ahrs:AhrsMadgwick",
         "ahrs_mahony": f"{peers}.ahrs:AhrsMahony",
-        "attitude_fuser": f"{here}.fusion.attitude_fuser:AttitudeFuser",
+        "attitude_fuser": f"{here}.fusion.attitude_fuser.node:AttitudeFuser",
         "offline_attitude": f"{here}.fusion.offline_attitude.node:OfflineAttitude",
         "inertial_attitude": f"{here}.fusion.inertial_attitude.node:InertialAttitude",
         "heading_kalman": f"{here}.fusion.heading_kalman.node:HeadingKalman",

@@ -29,6 +29,8 @@ class Column:
 
     def push(self, block: Any) -> None:
         """Append messages; their stamps imply a bound."""
+        if self.parts and not len(self.parts[0].t):
+            self.parts.clear()  # nothing is left: spare the copy
         self.parts.append(block)
         self.bound = max(self.bound, int(block.t[-1]) + 1)
 
@@ -290,8 +292,11 @@ class EachAligner(Aligner):
         t = _union([block.t for block in blocks])
         columns = []
         for column, count, block in zip(self.inputs, counts, blocks, strict=True):
-            rows = np.full(len(t), -1, dtype=np.int64)
-            rows[np.searchsorted(t, block.t)] = np.arange(count)
+            rows = np.arange(count)
+            if count < len(t):
+                places = np.searchsorted(t, block.t)
+                rows = np.full(len(t), -1, dtype=np.int64)
+                rows[places] = np.arange(count)
             columns.append(Sparse(block, rows, t))
             column.drop(count)
         return Rows(t, tuple(columns))

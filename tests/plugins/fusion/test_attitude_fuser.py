@@ -4,7 +4,7 @@ import numpy as np
 
 import lodeflow as lf
 from lodeflow.testing import check_node, run_node
-from lodeflow_plugins.fusion.attitude_fuser import AttitudeFuser
+from lodeflow_plugins.fusion.attitude_fuser.node import AttitudeFuser
 from lodeflow_plugins.fusion.heading_kalman.node import HeadingKalman
 from lodeflow_plugins.fusion.inertial_attitude.node import InertialAttitude
 from lodeflow_plugins.sources.simulated_vehicle import model

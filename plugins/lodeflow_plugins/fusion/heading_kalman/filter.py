@@ -36,12 +36,10 @@ from lodeflow_plugins.fusion.rotations import (
     turn_about_vertical,
     turn_by,
 )
+from lodeflow_plugins.fusion.stamps import SECOND, keep_stamp, stamp_of
 
-SECOND = 1_000_000_000
-
-# The state of `run`: whole seconds and nanoseconds of the last row, because float64 cannot hold
-# nanoseconds since 1970; durations in whole nanoseconds.
-SECONDS, NANOSECONDS = 0, 1
+# The state of `run`: the stamp of the last row; durations in whole nanoseconds; what the Kalman
+# filter remembers; the constants.
 STARTED = 2  # 0 or 1
 ORIENTED = 3  # whether there has been an attitude
 SINCE_ATTITUDE = 4
@@ -57,19 +55,21 @@ MEAN_FIELD = 25  # before the filter runs
 DUE = 28  # time until the next report
 REPORT = 29  # 1 where the last row has a report
 KALMAN = 30
-STATE_SIZE = KALMAN + BELIEFS
+CONSTANTS = KALMAN + BELIEFS
+STATE_SIZE = CONSTANTS + 18
 
 NOTHING, AVERAGING, RUNNING = 0.0, 1.0, 2.0
 SMOOTHING = 0.5  # time constant of the mean field before the filter runs, s
 REPORTED = 11  # numbers of a report
 
 
-def new_state() -> np.ndarray:
+def new_state(constants: np.ndarray) -> np.ndarray:
     """State of a filter that has seen nothing, float64."""
     state = np.zeros(STATE_SIZE)
     state[KALMAN + LEVEL] = 1.0
     state[KALMAN + P] = UNKNOWN
     state[KALMAN + COS] = 1.0
+    state[CONSTANTS:] = constants
     return state
 
 
@@ -94,7 +94,7 @@ def constants(
     field_tolerance: float,
     magnet_time: float,
 ) -> np.ndarray:
-    """Constants of `run`, float64 (18,), in s, rad and tesla, all standard deviations squared.
+    """Constants of the filter, float64 (18,), in s, rad and tesla, all standard deviations squared.
 
     The names are those of the node's parameters, where they are explained; horizontal and
     vertical are the expected field to the north and upwards, NaN where nothing is expected.
@@ -179,11 +179,10 @@ def take(
     q: Rotation,
     has_field: bool,
     m: Vector,
-    constants: np.ndarray,
     state: np.ndarray,
-    x: np.ndarray,
 ) -> Rotation:
     """Take the next row, `interval` ns after the last; return the attitude with heading."""
+    constants, x = state[CONSTANTS:], state[KALMAN:]
     state[SINCE_ATTITUDE] += interval
     state[SINCE_STEP] += interval
     state[DUE] -= interval
@@ -215,6 +214,15 @@ def take(
     return q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
 
 
+@inlined
+def first_or_last(t: int, state: np.ndarray) -> int:
+    """Return the stamp of the last row; before the first, its own, which is t."""
+    if state[STARTED] == 0.0:
+        state[STARTED] = 1.0
+        return t
+    return stamp_of(state)
+
+
 @kernel
 def run(
     t: np.ndarray,
@@ -222,7 +230,6 @@ def run(
     attitude_row: np.ndarray,
     field: np.ndarray,
     field_row: np.ndarray,
-    constants: np.ndarray,
     state: np.ndarray,
     out: np.ndarray,
     believed: np.ndarray,
@@ -234,17 +241,16 @@ def run(
     attitude: (A, 4), unit quaternions with z up, scalar last; attitude_row: int64 (N,), which of
     them belongs to each stamp, or -1. field: (F, 3), tesla, in the body frame, and field_row
     alike; a field that is not finite, zero, or the one before once more counts as none.
-    constants, state: of `constants()` and `new_state()`; state is written.
+    state: of `new_state`.
 
-    Written: out (A, 4), magnetic ENU <- body, w >= 0. For each of the attitudes listed in reports,
-    int64 (A,), what `kalman.report` says in believed (A, 11). Returns how many there are.
+    Written: state; out (A, 4), magnetic ENU <- body, w >= 0. For each of the attitudes listed in
+    reports, int64 (A,), what `kalman.report` says in believed (A, 11). Returns how many there are.
     """
-    last = np.int64(state[SECONDS]) * SECOND + np.int64(state[NANOSECONDS])
-    if state[STARTED] == 0.0 and len(t) > 0:
-        state[STARTED] = 1.0
-        last = t[0]
+    if len(t) == 0:
+        return 0
+    last = first_or_last(t[0], state)
+    constants, x = state[CONSTANTS:], state[KALMAN:]
     reported = 0
-    x = state[KALMAN:]
     q, m = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
     for k in range(len(t)):
         a, f = attitude_row[k], field_row[k]
@@ -252,7 +258,7 @@ def run(
             q = attitude[a, 0], attitude[a, 1], attitude[a, 2], attitude[a, 3]
         if f >= 0:
             m = field[f, 0], field[f, 1], field[f, 2]
-        turned_to = take(t[k] - last, a >= 0, q, f >= 0, m, constants, state, x)
+        turned_to = take(t[k] - last, a >= 0, q, f >= 0, m, state)
         last = t[k]
         if a >= 0:
             out[a, 0], out[a, 1], out[a, 2], out[a, 3] = turned_to
@@ -260,16 +266,15 @@ def run(
                 report(1e-9 * state[SINCE_STEP], constants, x, believed[reported])
                 reports[reported] = a
                 reported += 1
-    state[SECONDS] = last // SECOND
-    state[NANOSECONDS] = last % SECOND
+    keep_stamp(last, state)
     return reported
 
 
 @kernel
-def report_of(constants: np.ndarray, state: np.ndarray) -> np.ndarray:
+def report_of(state: np.ndarray) -> np.ndarray:
     """What `kalman.report` says after the last row, (11,)."""
     out = np.empty(REPORTED)
-    report(1e-9 * state[SINCE_STEP], constants, state[KALMAN:], out)
+    report(1e-9 * state[SINCE_STEP], state[CONSTANTS:], state[KALMAN:], out)
     return out
 
 
@@ -280,24 +285,17 @@ def run_one(
     attitude: np.ndarray,
     has_field: bool,
     field: np.ndarray,
-    constants: np.ndarray,
     state: np.ndarray,
-) -> np.ndarray:
-    """`run` on one row, attitude (4,) and field (3,); return the attitude with heading.
+    out: np.ndarray,
+) -> bool:
+    """`run` on one row: attitude (4,), field (3,), out (4,); return whether there is a report.
 
-    Live, the way into a compiled function costs more than the filter: fewer arguments count. Where
-    state[REPORT] is 1, `report_of` has something to say.
+    Live, the way into a compiled function costs more than the filter: few arguments count, and
+    an array that the caller makes costs half of one that is returned.
     """
-    last = np.int64(state[SECONDS]) * SECOND + np.int64(state[NANOSECONDS])
-    if state[STARTED] == 0.0:
-        state[STARTED] = 1.0
-        last = t
     q = attitude[0], attitude[1], attitude[2], attitude[3]
     m = field[0], field[1], field[2]
-    x = state[KALMAN:]
-    q = take(t - last, has_attitude, q, has_field, m, constants, state, x)
-    state[SECONDS] = t // SECOND
-    state[NANOSECONDS] = t % SECOND
-    out = np.empty(4)
-    out[0], out[1], out[2], out[3] = q
-    return out
+    interval = t - first_or_last(t, state)
+    out[0], out[1], out[2], out[3] = take(interval, has_attitude, q, has_field, m, state)
+    keep_stamp(t, state)
+    return state[REPORT] == 1.0

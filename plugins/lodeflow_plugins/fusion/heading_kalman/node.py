@@ -104,36 +104,34 @@ class HeadingKalman(lf.Node):
             )
 
     def start(self) -> None:
-        self.constants = self.params.constants()
-        self.state = heading.new_state()
+        self.state = heading.new_state(self.params.constants())
         nothing = np.empty(0, np.int64)
         self.step_block(  # compiles
             lf.Sparse(lf.Attitude.empty(), nothing, nothing),
             lf.Sparse(lf.MagneticField.empty(), nothing, nothing),
         )
-        spare = heading.new_state()
-        heading.run_one(0, False, UPRIGHT, False, NO_FIELD, self.constants, spare)
-        heading.report_of(self.constants, spare)
+        spare = heading.new_state(self.params.constants())
+        heading.run_one(0, False, UPRIGHT, False, NO_FIELD, spare, np.empty(4))
+        heading.report_of(spare)
 
     def step(self, attitude: lf.Attitude | None, mag: lf.MagneticField | None) -> Estimates | None:
+        quaternion = np.empty(4)
         if attitude is None:
             field = mag.magnetic_field
-            heading.run_one(mag.t, False, UPRIGHT, True, field, self.constants, self.state)
+            heading.run_one(mag.t, False, UPRIGHT, True, field, self.state, quaternion)
             return None
         t = attitude.t
         field, measured = (NO_FIELD, False) if mag is None else (mag.magnetic_field, True)
-        quaternion = heading.run_one(
-            t, True, attitude.quaternion, measured, field, self.constants, self.state
+        told = heading.run_one(
+            t, True, attitude.quaternion, measured, field, self.state, quaternion
         )
-        state = None
-        if self.state.item(heading.REPORT):
-            state = message(t, heading.report_of(self.constants, self.state))
+        state = message(t, heading.report_of(self.state)) if told else None
         return Estimates(lf.Attitude(t, quaternion), state)
 
     def step_block(
         self, attitude: lf.Sparse[lf.Attitude], mag: lf.Sparse[lf.MagneticField]
     ) -> Estimates:
-        out, believed, reports = headed(attitude, mag, self.constants, self.state)
+        out, believed, reports = headed(attitude, mag, self.state)
         t = attitude.values.t
         return Estimates(lf.Attitude(t, out), messages(t[reports], believed))
 
@@ -141,7 +139,6 @@ class HeadingKalman(lf.Node):
 def headed(
     attitude: lf.Sparse[lf.Attitude],
     mag: lf.Sparse[lf.MagneticField],
-    constants: np.ndarray,
     state: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Run the filter on a block.
@@ -157,7 +154,6 @@ def headed(
         attitude.rows,
         mag.values.magnetic_field,
         mag.rows,
-        constants,
         state,
         out,
         believed,

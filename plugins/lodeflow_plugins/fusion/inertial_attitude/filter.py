@@ -39,12 +39,9 @@ from lodeflow_plugins.fusion.rotations import (
     turn_by,
     upright,
 )
+from lodeflow_plugins.fusion.stamps import SECOND, keep_stamp, stamp_of
 
-SECOND = 1_000_000_000
-
-# The state of `run`: whole seconds and nanoseconds of the last stamp, because float64 cannot hold
-# nanoseconds since 1970; durations in whole nanoseconds; the filter.
-SECONDS, NANOSECONDS = 0, 1
+# The state of `run`: the last stamp; durations in whole nanoseconds; the filter; the constants.
 SAMPLES = 2  # 0, 1, or 2 for more
 SINCE_FORCE = 3  # since the last sample with a specific force
 STILL = 4  # since the last sign of motion
@@ -66,7 +63,8 @@ LANES = ROTATION + OUTPUT
 SCRATCH = 104  # new inputs of a bank
 DUE = 115  # time until the bias is reported
 REPORT, CHANGE = 116, 117  # 1 where the last sample has a report, or another RESTING
-STATE_SIZE = 118
+CONSTANTS = 118
+STATE_SIZE = CONSTANTS + 12
 
 ROWS = ((0, 1, 3), (1, 2, 4), (3, 4, 5))
 """Where the elements of a symmetric matrix are in its lower triangle."""
@@ -76,10 +74,11 @@ SETTLED = 0.1 * math.pi / 180.0
 which the paper counts forgetting."""
 
 
-def new_state() -> np.ndarray:
-    """State of a filter that has seen nothing, float64 (118,)."""
+def new_state(constants: np.ndarray) -> np.ndarray:
+    """State of a filter that has seen nothing, float64 (130,)."""
     state = np.zeros(STATE_SIZE)
     state[TURN + 3] = state[LEVEL + 3] = 1.0
+    state[CONSTANTS:] = constants
     return state
 
 
@@ -98,7 +97,7 @@ def constants(
     bias_vertical: float,
     report_interval: float,
 ) -> np.ndarray:
-    """Constants of `run`, float64 (12,).
+    """Constants of the filter, float64 (12,).
 
     force_time_constant: of the low-pass of the specific force in I, s.
     rest_time_constant: of the low-passes from which a body at rest deviates little, s.
@@ -314,10 +313,9 @@ def begin_anew(state: np.ndarray, interval: float, constants: np.ndarray) -> Non
 
 
 @inlined
-def take(
-    interval: int, rate: Vector, force: Vector, constants: np.ndarray, state: np.ndarray
-) -> Rotation:
+def take(interval: int, rate: Vector, force: Vector, state: np.ndarray) -> Rotation:
     """Take the next sample, `interval` ns after the last; return the attitude."""
+    constants = state[CONSTANTS:]
     before = state[RESTING]
     if state[SAMPLES] == 0.0:
         state[SAMPLES] = state[REPORT] = state[CHANGE] = 1.0
@@ -350,7 +348,6 @@ def run(
     t: np.ndarray,
     rate: np.ndarray,
     force: np.ndarray,
-    constants: np.ndarray,
     state: np.ndarray,
     attitude: np.ndarray,
     bias: np.ndarray,
@@ -364,7 +361,7 @@ def run(
     t: int64 (N,), stamps in ns, strictly increasing over all calls.
     rate: (N, 3), rad/s, and force: (N, 3), specific force, m/s^2, in the body frame. A force of
     exactly zero is none.
-    constants, state: of `constants()` and `new_state()`; state is written.
+    state: of `new_state`; written.
 
     Written: attitude (N, 4), unit quaternions earth <- body, scalar last, w >= 0. For each
     row that is listed in reports, int64 (N,): bias (N, 3), rad/s, and its covariance (N, 3, 3),
@@ -375,12 +372,12 @@ def run(
     when there is one. A rate counts for rest_time_constant at most: a longer interval is a gap,
     after which the vertical is measured anew.
     """
-    last = np.int64(state[SECONDS]) * SECOND + np.int64(state[NANOSECONDS])
+    last = stamp_of(state)
     reported, changed = 0, 0
     for k in range(len(t)):
         w = rate[k, 0], rate[k, 1], rate[k, 2]
         f = force[k, 0], force[k, 1], force[k, 2]
-        q = take(t[k] - last, w, f, constants, state)
+        q = take(t[k] - last, w, f, state)
         last = t[k]
         attitude[k, 0], attitude[k, 1], attitude[k, 2], attitude[k, 3] = q
         if state[REPORT] == 1.0:
@@ -394,24 +391,21 @@ def run(
             resting[changed] = np.int64(state[RESTING])
             changes[changed] = k
             changed += 1
-    state[SECONDS] = last // SECOND
-    state[NANOSECONDS] = last % SECOND
+    keep_stamp(last, state)
     return reported, changed
 
 
 @kernel
 def run_one(
-    t: int, rate: np.ndarray, force: np.ndarray, constants: np.ndarray, state: np.ndarray
-) -> np.ndarray:
-    """`run` on one row, rate and force (3,); return the attitude, and leave the rest in state.
+    t: int, rate: np.ndarray, force: np.ndarray, state: np.ndarray, attitude: np.ndarray
+) -> bool:
+    """`run` on one row: rate and force (3,), attitude (4,); return whether state has a message.
 
-    Live, the way into a compiled function costs more than the filter: fewer arguments count.
+    Live, the way into a compiled function costs more than the filter: few arguments count, and
+    an array that the caller makes costs half of one that is returned.
     """
-    last = np.int64(state[SECONDS]) * SECOND + np.int64(state[NANOSECONDS])
     w = rate[0], rate[1], rate[2]
-    q = take(t - last, w, (force[0], force[1], force[2]), constants, state)
-    state[SECONDS] = t // SECOND
-    state[NANOSECONDS] = t % SECOND
-    out = np.empty(4)
-    out[0], out[1], out[2], out[3] = q
-    return out
+    q = take(t - stamp_of(state), w, (force[0], force[1], force[2]), state)
+    keep_stamp(t, state)
+    attitude[0], attitude[1], attitude[2], attitude[3] = q
+    return state[REPORT] == 1.0 or state[CHANGE] == 1.0

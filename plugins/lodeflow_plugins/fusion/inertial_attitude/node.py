@@ -75,27 +75,26 @@ class InertialAttitude(lf.Node):
             return inertial.constants(**self.model_dump())
 
     def start(self) -> None:
-        self.constants = self.params.constants()
-        self.state = inertial.new_state()
+        self.state = inertial.new_state(self.params.constants())
         self.step_block(lf.Imu.empty())  # compiles
-        inertial.run_one(0, np.zeros(3), np.zeros(3), self.constants, inertial.new_state())
+        spare = inertial.new_state(self.params.constants())
+        inertial.run_one(0, np.zeros(3), np.zeros(3), spare, np.empty(4))
 
     def step(self, imu: lf.Imu) -> Estimates:
-        t, state = imu.t, self.state
-        quaternion = inertial.run_one(
-            t, imu.angular_velocity, imu.linear_acceleration, self.constants, state
-        )
-        bias = rest = None
-        if state.item(inertial.REPORT):
-            bias = lf.GyroBias(t, *inertial.bias_of(state))
-        if state.item(inertial.CHANGE):
-            rest = lf.Rest(t, int(state[inertial.RESTING]))
-        return Estimates(lf.Attitude(t, quaternion), bias, rest)
+        t, quaternion = imu.t, np.empty(4)
+        attitude, bias, rest = lf.Attitude(t, quaternion), None, None
+        if inertial.run_one(
+            t, imu.angular_velocity, imu.linear_acceleration, self.state, quaternion
+        ):
+            state = self.state
+            if state[inertial.REPORT]:
+                bias = lf.GyroBias(t, *inertial.bias_of(state))
+            if state[inertial.CHANGE]:
+                rest = lf.Rest(t, int(state[inertial.RESTING]))
+        return Estimates(attitude, bias, rest)
 
     def step_block(self, imu: lf.Imu) -> Estimates:
-        attitude, bias, covariance, resting, reports, changes = levelled(
-            imu, self.constants, self.state
-        )
+        attitude, bias, covariance, resting, reports, changes = levelled(imu, self.state)
         return Estimates(
             lf.Attitude(imu.t, attitude),
             lf.GyroBias(imu.t[reports], bias, covariance),
@@ -103,7 +102,7 @@ class InertialAttitude(lf.Node):
         )
 
 
-def levelled(imu: lf.Imu, constants: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, ...]:
+def levelled(imu: lf.Imu, state: np.ndarray) -> tuple[np.ndarray, ...]:
     """Run the filter on a block.
 
     Returns attitude (N, 4); bias (R, 3) and covariance (R, 3, 3) of the reports; resting (C,) of
@@ -116,7 +115,6 @@ def levelled(imu: lf.Imu, constants: np.ndarray, state: np.ndarray) -> tuple[np.
         imu.t,
         imu.angular_velocity,
         imu.linear_acceleration,
-        constants,
         state,
         attitude,
         bias,

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 import lodeflow as lf
-from lodeflow_plugins.fusion.attitude_fuser import AttitudeFuser
+from lodeflow_plugins.fusion.attitude_fuser.node import AttitudeFuser
 from lodeflow_plugins.fusion.heading_kalman.node import HeadingKalman
 from lodeflow_plugins.fusion.inertial_attitude.node import InertialAttitude
 from lodeflow_plugins.fusion.offline_attitude import smoother

@@ -57,7 +57,7 @@ def levelled(
     n = len(t)
     attitude = np.empty((n, 4))
     spare = np.empty((n, 3)), np.empty((n, 3, 3)), *[np.empty(n, np.int64) for _ in range(3)]
-    inertial.run(t, rate, force, constants, inertial.new_state(), attitude, *spare)
+    inertial.run(t, rate, force, inertial.new_state(constants), attitude, *spare)
     return attitude
 
 
@@ -79,8 +79,8 @@ def headed(
         np.empty((n, heading.REPORTED)),
         np.empty(n, np.int64),
     )
-    state = heading.new_state()
-    heading.run(stamps, attitude, rows[0], field, rows[1], constants, state, out, believed, reports)
+    state = heading.new_state(constants)
+    heading.run(stamps, attitude, rows[0], field, rows[1], state, out, believed, reports)
     return out, believed[:, 0]
 
 

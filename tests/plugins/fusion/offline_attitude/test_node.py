@@ -7,7 +7,7 @@ import pytest
 import lodeflow as lf
 from lodeflow.clock import SimClock
 from lodeflow.testing import check_node, run_node
-from lodeflow_plugins.fusion.attitude_fuser import AttitudeFuser
+from lodeflow_plugins.fusion.attitude_fuser.node import AttitudeFuser
 from lodeflow_plugins.fusion.offline_attitude import smoother
 from lodeflow_plugins.fusion.offline_attitude.node import OfflineAttitude
 from lodeflow_plugins.scoring.attitude_score import metric

@@ -1,0 +1,1 @@
+"""Attitude from gyroscope, accelerometer and magnetometer, both stages in one."""
