@@ -43,8 +43,9 @@ def fit(
     tolerance: float = 0.01,
     most_iterations: int = 1000,
     seed: int = 0,
+    initial: np.ndarray | None = None,
 ) -> Clusters:
-    """Find fuzzy clusters, from random memberships.
+    """Find fuzzy clusters, from given or random memberships.
 
     Args:
         points: (N, F), finite; N at least `clusters`. Equal points are allowed, and so are fewer
@@ -53,7 +54,8 @@ def fit(
         fuzzifier: m, above 1; the larger, the softer.
         tolerance: largest change of a membership at which it stops.
         most_iterations: it stops there too, and says that it has not converged.
-        seed: of the first memberships.
+        seed: of the first memberships, where none are given.
+        initial: first memberships (N, c), not negative; those of a point are scaled to sum to 1.
 
     Raises:
         ValueError: the points or a setting cannot be used.
@@ -68,7 +70,14 @@ def fit(
     if most_iterations < 1:
         raise ValueError(f"there must be at least one iteration, not {most_iterations}")
     _check_fuzzifier(fuzzifier)
-    u = np.random.default_rng(seed).random((len(points), clusters))
+    if initial is None:
+        u = np.random.default_rng(seed).random((len(points), clusters))
+    else:
+        u = np.array(initial, dtype=float, order="C")
+        if u.shape != (len(points), clusters):
+            raise ValueError(f"initial must be {len(points)} x {clusters}, not {u.shape}")
+        if not ((u >= 0.0) & (u < np.inf)).all() or not (u.sum(axis=1) > 0.0).all():
+            raise ValueError("initial must not be negative, and above 0 somewhere in each row")
     centres, iterations, settled = _iterate(points, u, fuzzifier, tolerance, most_iterations)
     order = np.argsort(-(centres * centres).sum(axis=1), kind="stable")
     centres = np.ascontiguousarray(centres[order])
@@ -232,7 +241,7 @@ def _find_mover(
     return -1
 
 
-CHUNK = 256
+CHUNK = 512
 """Points that are worked on at once: their columns stay in the nearest cache."""
 SMALLEST, LARGEST = 1e-250, 1e250
 """Sums of weights between which nothing has overflowed or been lost."""
@@ -254,23 +263,25 @@ def _sums(
     masses[:] = 0.0
     for begin in range(0, n, CHUNK):
         m = min(CHUNK, n - begin)
-        for k in range(m):
-            scale[k] = 0.0
+        here, there = x[0, begin : begin + m], x[features - 1, begin : begin + m]
+        scale[:m] = 0.0
         for i in range(c):
             row = weights[i]
-            for k in range(m):
-                row[k] = 0.0
+            left, right = centres[i, 0], centres[i, features - 1]
+            if features == 2 and power == 1.0:  # the usual case, in one loop
+                for k in range(m):
+                    weight = 1.0 / ((here[k] - left) ** 2 + (there[k] - right) ** 2)
+                    row[k] = weight
+                    scale[k] += weight
+                continue
+            row[:m] = 0.0
             for j in range(features):
                 centre, column = centres[i, j], x[j, begin : begin + m]
                 for k in range(m):
                     row[k] += (column[k] - centre) ** 2
-            if power != 1.0:
-                for k in range(m):
-                    row[k] = row[k] ** power
             for k in range(m):
-                weight = 1.0 / row[k]
-                row[k] = weight
-                scale[k] += weight
+                row[k] = 1.0 / row[k] if power == 1.0 else row[k] ** -power
+                scale[k] += row[k]
         odd = 0
         for k in range(m):
             odd += scale[k] > LARGEST or scale[k] < SMALLEST
@@ -286,13 +297,16 @@ def _sums(
         for k in range(m):
             scale[k] = 1.0 / scale[k]
         for i in range(c):
-            row, mass = weights[i], 0.0
+            row, mass, part = weights[i], 0.0, 0.0
             for k in range(m):
                 u = row[k] * scale[k]
-                row[k] = u * u if fuzzifier == 2.0 else u**fuzzifier
-                mass += row[k]
+                share = u * u if fuzzifier == 2.0 else u**fuzzifier
+                row[k] = share
+                mass += share
+                part += share * here[k]
             masses[i] += mass
-            for j in range(features):
+            sums[i, 0] += part
+            for j in range(1, features):
                 column, part = x[j, begin : begin + m], 0.0
                 for k in range(m):
                     part += row[k] * column[k]
