@@ -43,8 +43,9 @@ def fit(
     tolerance: float = 0.01,
     most_iterations: int = 1000,
     seed: int = 0,
+    initial: np.ndarray | None = None,
 ) -> Clusters:
-    """Find fuzzy clusters, from random memberships.
+    """Find fuzzy clusters, from given or random memberships.
 
     Args:
         points: (N, F), finite; N at least `clusters`. Equal points are allowed, and so are fewer
@@ -53,7 +54,8 @@ def fit(
         fuzzifier: m, above 1; the larger, the softer.
         tolerance: largest change of a membership at which it stops.
         most_iterations: it stops there too, and says that it has not converged.
-        seed: of the first memberships.
+        seed: of the first memberships, where none are given.
+        initial: first memberships (N, c), not negative; those of a point are scaled to sum to 1.
 
     Raises:
         ValueError: the points or a setting cannot be used.
@@ -68,21 +70,45 @@ def fit(
     if most_iterations < 1:
         raise ValueError(f"there must be at least one iteration, not {most_iterations}")
     _check_fuzzifier(fuzzifier)
-    u = np.random.default_rng(seed).random((len(points), clusters))
-    u = np.ascontiguousarray((u / u.sum(axis=1, keepdims=True)).T)
-    centres = np.zeros((clusters, points.shape[1]))
-    columns = np.ascontiguousarray(points.T)
-    iterations, moved, objective = _iterate(
-        columns, u, centres, fuzzifier, tolerance, most_iterations
-    )
+    if initial is None:
+        u = np.random.default_rng(seed).random((len(points), clusters))
+    else:
+        u = np.array(initial, dtype=float, order="C")
+        if u.shape != (len(points), clusters):
+            raise ValueError(f"initial must be {len(points)} x {clusters}, not {u.shape}")
+        if not ((u >= 0.0) & (u < np.inf)).all() or not (u.sum(axis=1) > 0.0).all():
+            raise ValueError("initial must not be negative, and above 0 somewhere in each row")
+    centres, iterations, settled = _iterate(points, u, fuzzifier, tolerance, most_iterations)
     order = np.argsort(-(centres * centres).sum(axis=1), kind="stable")
-    return Clusters(
-        np.ascontiguousarray(centres[order]),
-        np.ascontiguousarray(u[order].T),
-        int(iterations),
-        bool(moved < tolerance),
-        float(objective),
-    )
+    centres = np.ascontiguousarray(centres[order])
+    objective = belong(points, centres, fuzzifier, u)
+    return Clusters(centres, u, iterations, settled, objective)
+
+
+def _iterate(
+    points: np.ndarray, u: np.ndarray, fuzzifier: float, tolerance: float, most: int
+) -> tuple[np.ndarray, int, bool]:
+    """Move the centres until the memberships rest: centres (c, F), iterations, and whether they do.
+
+    An iteration is one pass over the points, and no memberships are kept: those of two passes
+    follow from the centres of both. Whether any has moved is asked only up to the first that has,
+    and the point that moved before is asked first.
+    """
+    columns = np.ascontiguousarray(points.T)
+    centres, before = np.zeros((u.shape[1], len(columns))), np.empty((0, len(columns)))
+    sums, masses = np.zeros_like(centres), np.zeros(len(centres))
+    _first_sums(points, u, fuzzifier, sums, masses)
+    mover = 0
+    for iteration in range(1, most + 1):
+        occupied = masses > 0.0  # else nobody is near, and it stays where it is
+        centres = centres.copy()
+        centres[occupied] = sums[occupied] / masses[occupied, None]
+        mover = _find_mover(points, u, before, centres, fuzzifier, tolerance, mover)
+        if mover < 0 or iteration == most:
+            break
+        _sums(columns, centres, fuzzifier, sums, masses)
+        before = centres
+    return centres, iteration, mover < 0
 
 
 def memberships(points: np.ndarray, centres: np.ndarray, fuzzifier: float = 2.0) -> np.ndarray:
@@ -113,9 +139,9 @@ def _points(points: np.ndarray) -> np.ndarray:
     points = np.ascontiguousarray(points, dtype=float)
     if points.ndim != 2:
         raise ValueError(f"points must be a table of N rows and F features, not {points.shape}")
-    finite = np.isfinite(points).all(axis=1)
+    finite = np.isfinite(points)
     if not finite.all():
-        rows = np.flatnonzero(~finite)
+        rows = np.flatnonzero(~finite.all(axis=1))
         raise ValueError(f"{len(rows)} points are not finite, the first is row {rows[0]}")
     return points
 
@@ -156,116 +182,132 @@ def _member(point: np.ndarray, centres: np.ndarray, power: float, weight: np.nda
 
 
 @njit(cache=True, error_model="numpy")
-def belong(points: np.ndarray, centres: np.ndarray, fuzzifier: float, u: np.ndarray) -> None:
-    """Write the memberships of points (N, F) in centres (c, F) into u (N, c)."""
+def belong(points: np.ndarray, centres: np.ndarray, fuzzifier: float, u: np.ndarray) -> float:
+    """Write the memberships of points (N, F) in centres (c, F) into u (N, c); return J."""
     power = 1.0 / (fuzzifier - 1.0)
     weight = np.empty(len(centres))
+    objective = 0.0
     for k in range(len(points)):
-        _member(points[k], centres, power, weight)
+        objective += _member(points[k], centres, power, weight)
         for i in range(len(centres)):
             u[k, i] = weight[i]
+    return objective
+
+
+@njit(cache=True, error_model="numpy")
+def _first_sums(
+    points: np.ndarray, u: np.ndarray, fuzzifier: float, sums: np.ndarray, masses: np.ndarray
+) -> None:
+    """Make memberships (N, c) sum to 1 at each point; write the sums of u^m x and of u^m."""
+    for k in range(len(u)):
+        scale = 1.0 / u[k].sum()
+        for i in range(u.shape[1]):
+            u[k, i] *= scale
+            share = u[k, i] * u[k, i] if fuzzifier == 2.0 else u[k, i] ** fuzzifier
+            masses[i] += share
+            for j in range(points.shape[1]):
+                sums[i, j] += share * points[k, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _find_mover(
+    points: np.ndarray,
+    u: np.ndarray,
+    before: np.ndarray,
+    centres: np.ndarray,
+    fuzzifier: float,
+    tolerance: float,
+    start: int,
+) -> int:
+    """A point of which a membership differs by the tolerance or more, looked for from `start` on.
+
+    It has moved from what it was in the centres `before`, or from u (N, c) where there are none.
+
+    Returns:
+        Its row; -1 if there is none.
+    """
+    power = 1.0 / (fuzzifier - 1.0)
+    old, new = np.empty(len(centres)), np.empty(len(centres))
+    for offset in range(len(points)):
+        k = (start + offset) % len(points)
+        _member(points[k], centres, power, new)
+        if len(before):
+            _member(points[k], before, power, old)
+        else:
+            old[:] = u[k]
+        for i in range(len(centres)):
+            if abs(new[i] - old[i]) >= tolerance:
+                return k
+    return -1
 
 
 CHUNK = 512
 """Points that are worked on at once: their columns stay in the nearest cache."""
+SMALLEST, LARGEST = 1e-250, 1e250
+"""Sums of weights between which nothing has overflowed or been lost."""
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nnan", "nsz"})
-def _iterate(
-    x: np.ndarray,
-    u: np.ndarray,
-    centres: np.ndarray,
-    fuzzifier: float,
-    tolerance: float,
-    most: int,
-) -> tuple[int, float, float]:
-    """Move memberships u (c, N) and centres (c, F) by turns; iterations, last move, objective.
+def _sums(
+    x: np.ndarray, centres: np.ndarray, fuzzifier: float, sums: np.ndarray, masses: np.ndarray
+) -> None:
+    """Write the sums of u^m x (c, F) and of u^m (c,), with the memberships u in the centres.
 
     x: (F, N). Loops run along the points, so that the compiler can take several at once.
     """
-    c, n = u.shape
-    features = len(x)
+    c, (features, n) = len(centres), x.shape
     power = 1.0 / (fuzzifier - 1.0)
-    sums, masses = np.zeros((c, features)), np.zeros(c)
-    w, total = np.empty((c, CHUNK)), np.empty(CHUNK)
-    point, weight = np.empty(features), np.empty(c)
-    for i in range(c):
-        for k in range(n):
-            share = u[i, k] * u[i, k] if fuzzifier == 2.0 else u[i, k] ** fuzzifier
-            masses[i] += share
-            for j in range(features):
-                sums[i, j] += share * x[j, k]
-    moved, objective, iteration = np.inf, np.inf, 0
-    while iteration < most and moved >= tolerance:
+    weights, scale = np.empty((c, CHUNK)), np.empty(CHUNK)
+    point, member = np.empty(features), np.empty(c)
+    sums[:] = 0.0
+    masses[:] = 0.0
+    for begin in range(0, n, CHUNK):
+        m = min(CHUNK, n - begin)
+        here, there = x[0, begin : begin + m], x[features - 1, begin : begin + m]
+        scale[:m] = 0.0
         for i in range(c):
-            if masses[i] > 0.0:  # else nobody is near, and it stays where it is
-                for j in range(features):
-                    centres[i, j] = sums[i, j] / masses[i]
-        sums[:] = 0.0
-        masses[:] = 0.0
-        moved, objective = 0.0, 0.0
-        for begin in range(0, n, CHUNK):
-            m = min(CHUNK, n - begin)
+            row = weights[i]
+            left, right = centres[i, 0], centres[i, features - 1]
+            if features == 2 and power == 1.0:  # the usual case, in one loop
+                for k in range(m):
+                    weight = 1.0 / ((here[k] - left) ** 2 + (there[k] - right) ** 2)
+                    row[k] = weight
+                    scale[k] += weight
+                continue
+            row[:m] = 0.0
+            for j in range(features):
+                centre, column = centres[i, j], x[j, begin : begin + m]
+                for k in range(m):
+                    row[k] += (column[k] - centre) ** 2
             for k in range(m):
-                total[k] = 0.0
-            for i in range(c):
-                row = w[i]
-                for k in range(m):
-                    row[k] = 0.0
-                for j in range(features):
-                    centre = centres[i, j]
-                    column = x[j, begin : begin + m]
-                    for k in range(m):
-                        apart = column[k] - centre
-                        row[k] += apart * apart
-                if power == 1.0:
-                    for k in range(m):
-                        row[k] = 1.0 / row[k]
-                else:
-                    for k in range(m):
-                        row[k] = row[k] ** -power
-                for k in range(m):
-                    total[k] += row[k]
-            odd = 0
+                row[k] = 1.0 / row[k] if power == 1.0 else row[k] ** -power
+                scale[k] += row[k]
+        odd = 0
+        for k in range(m):
+            odd += scale[k] > LARGEST or scale[k] < SMALLEST
+        if odd:  # points on a centre, or out of all proportion
             for k in range(m):
-                odd += total[k] > LARGEST or total[k] < SMALLEST
-            if odd:  # points on a centre, or out of all proportion
-                for k in range(m):
-                    if total[k] > LARGEST or total[k] < SMALLEST:
-                        for j in range(features):
-                            point[j] = x[j, begin + k]
-                        cost = _member(point, centres, power, weight)
-                        # Twice the shares, which a total of two brings back.
-                        for i in range(c):
-                            w[i, k] = 2.0 * weight[i]
-                        total[k] = 2.0
-                        objective += cost - (0.5 if power == 1.0 else 2.0 ** (-1.0 / power))
+                if scale[k] > LARGEST or scale[k] < SMALLEST:
+                    for j in range(features):
+                        point[j] = x[j, begin + k]
+                    _member(point, centres, power, member)
+                    for i in range(c):
+                        weights[i, k] = member[i]
+                    scale[k] = 1.0
+        for k in range(m):
+            scale[k] = 1.0 / scale[k]
+        for i in range(c):
+            row, mass, part = weights[i], 0.0, 0.0
             for k in range(m):
-                objective += 1.0 / total[k] if power == 1.0 else total[k] ** (-1.0 / power)
-                total[k] = 1.0 / total[k]
-            for i in range(c):
-                row, before = w[i], u[i, begin : begin + m]
-                mass, largest = 0.0, 0.0
+                u = row[k] * scale[k]
+                share = u * u if fuzzifier == 2.0 else u**fuzzifier
+                row[k] = share
+                mass += share
+                part += share * here[k]
+            masses[i] += mass
+            sums[i, 0] += part
+            for j in range(1, features):
+                column, part = x[j, begin : begin + m], 0.0
                 for k in range(m):
-                    new = row[k] * total[k]
-                    change = abs(new - before[k])
-                    if change > largest:
-                        largest = change
-                    before[k] = new
-                    share = new * new if power == 1.0 else new**fuzzifier
-                    row[k] = share
-                    mass += share
-                masses[i] += mass
-                moved = max(moved, largest)
-                for j in range(features):
-                    column = x[j, begin : begin + m]
-                    part = 0.0
-                    for k in range(m):
-                        part += row[k] * column[k]
-                    sums[i, j] += part
-        iteration += 1
-    return iteration, moved, objective
-
-
-SMALLEST, LARGEST = 1e-250, 1e250
-"""Sums of weights between which nothing has overflowed or been lost."""
+                    part += row[k] * column[k]
+                sums[i, j] += part

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import skfuzzy
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lodeflow_plugins.interference import fuzzy_c_means as fcm
@@ -55,11 +55,30 @@ def test_the_seed_decides():
     assert one.centres.tobytes() != other.centres.tobytes()
 
 
-def test_points_are_not_modified():
-    points = clouds()
-    before = points.copy()
-    fcm.fit(points, 5)
-    assert np.array_equal(points, before)
+def test_points_and_initial_memberships_are_not_modified():
+    points, initial = clouds(), np.random.default_rng(1).random((300, 5))
+    before = points.copy(), initial.copy()
+    given_, drawn = fcm.fit(points, 5, initial=initial), fcm.fit(points, 5, seed=1)
+    assert np.array_equal(points, before[0])
+    assert np.array_equal(initial, before[1])
+    assert given_.memberships.tobytes() == drawn.memberships.tobytes()
+
+
+@pytest.mark.parametrize("features", [1, 2, 3])
+@pytest.mark.parametrize("n", [1500, 7])
+def test_a_pass_agrees_with_numpy_across_chunks(n, features):
+    rng = np.random.default_rng(4)
+    points, u = rng.random((n, features)), rng.random((n, 3))
+    points[n // 2] = points[0]
+    found = fcm.fit(points, 3, initial=u, tolerance=1e-12, most_iterations=6)
+    u = u / u.sum(axis=1, keepdims=True)
+    for _ in range(6):
+        centres = (u**2).T @ points / (u**2).sum(axis=0)[:, None]
+        inverse = 1.0 / ((points[:, None] - centres) ** 2).sum(axis=2)
+        u = inverse / inverse.sum(axis=1, keepdims=True)
+    order = np.argsort(-np.linalg.norm(centres, axis=1))
+    np.testing.assert_allclose(found.centres, centres[order], atol=1e-12)
+    np.testing.assert_allclose(found.memberships, u[:, order], atol=1e-12)
 
 
 def test_a_point_on_a_centre_belongs_to_it_alone():
@@ -96,6 +115,9 @@ def test_fewer_different_points_than_clusters(points):
         ({"tolerance": 0.0}, "tolerance must be above 0"),
         ({"clusters": 0}, "at least one cluster"),
         ({"most_iterations": 0}, "at least one iteration"),
+        ({"initial": np.ones((9, 4))}, "initial must be 9 x 5"),
+        ({"initial": np.zeros((9, 5))}, "initial must not be negative, and above 0 somewhere"),
+        ({"initial": np.full((9, 5), np.nan)}, "initial must not be negative"),
     ],
 )
 def test_what_cannot_be_clustered_is_refused(arguments, why):
@@ -108,6 +130,7 @@ def test_centres_of_other_features_are_refused():
         fcm.memberships(np.zeros((1, 2)), np.zeros((2, 3)))
 
 
+@settings(deadline=None)  # the first example compiles
 @given(st.integers(0, 10**6), st.integers(1, 6), st.integers(6, 40), st.floats(1.1, 5.0))
 def test_memberships_are_shares(seed, clusters, n, fuzzifier):
     points = np.random.default_rng(seed).random((n, 2)).round(1)  # with points that coincide
