@@ -125,6 +125,11 @@ class Link:
         return len(self._unacked)
 
     @property
+    def owes(self) -> int:
+        """Frames that the other side has not taken and may still want."""
+        return 0 if self.departed else len(self._unacked)
+
+    @property
     def is_matched(self) -> bool:
         """Whether the other side is there to hear anything."""
         status: Any = self.publisher.matching_status  # declared a bool, which it is not
@@ -235,13 +240,9 @@ class Link:
         hello = _HELLO.pack(self.incarnation, self._theirs, base, state, self.graph)
         put(self.publisher, hello, attach(0, 0, 0, 0, frames.HELLO, self.index, 0))
 
-    def say_bye(self) -> None:
-        """Tell the other side that everything is done here."""
-        self._say(frames.BYE, 0)
-
-    def say_gone(self) -> None:
-        """Tell the other side that what it has not taken will not come."""
-        self._say(frames.GONE, 0)
+    def say_end(self) -> None:
+        """Tell the other side that everything is done here; or that what it has not taken is lost."""
+        self._say(frames.GONE if self.owes else frames.BYE, 0)
 
     def close(self) -> None:
         """Forget a group that is gone for good."""

@@ -34,8 +34,10 @@ BATCH = 32
 """Frames that are worked on before what came of them is passed on."""
 PATIENCE = 5.0
 """Seconds between two words on whom a group waits for."""
-LINGER = 0.5
-"""Seconds that a group which is done waits for the others to have heard so."""
+LINGER = 20.0
+"""Seconds that a group which is done waits for the others to have heard so, while they listen. After
+a cut, one direction of a connection may stay silent for many seconds more than the other; who left
+at once would leave the other side without an acknowledgement for ever."""
 
 
 class Links:
@@ -236,17 +238,14 @@ class Links:
         """
         self.flush()
         until = float("inf") if patience is None else monotonic() + patience
-        while (now := monotonic()) < until and any(link.waiting for link in self.links.values()):
+        while (now := monotonic()) < until and any(link.owes for link in self.links.values()):
             self._drain(now)
             for link in self.links.values():
                 link.tend(now)
             self.wait(HELLO_EVERY)
         for link in self.links.values():
             link.tend(now, at_once=True)
-            if link.waiting:
-                link.say_gone()
-            else:
-                link.say_bye()
+            link.say_end()
         until = min(until, monotonic() + LINGER)
         while (now := monotonic()) < until:
             left = [x for x in self.links.values() if not (x.departed or x.closed)]
@@ -255,8 +254,9 @@ class Links:
             self._drain(now)
             for link in left:
                 link.tend(now, at_once=True)
+                link.say_end()  # the one before may be lost
             self.wait(HELLO_EVERY)
-        return sum(link.waiting for link in self.links.values())
+        return sum(link.owes for link in self.links.values())
 
     def note(self, text: str, group: str = "") -> None:
         """Send a text to the recorder (or to a group), if it is there."""

@@ -204,10 +204,26 @@ def test_a_closed_link_takes_and_sends_nothing() -> None:
     assert (a.waiting, a.is_full) == (0, False)
 
 
+def test_who_has_left_wants_nothing_more() -> None:
+    """Its last acknowledgement may be lost; what it says at the end counts as well."""
+    network = Network(random.Random(5))
+    network.join()
+    a, b = network.ends["a"], network.ends["b"]
+    send(a, "last")
+    network.move()
+    taken(b, network.now)
+    assert a.owes == 1
+    b.say_end()
+    network.move(0.0)
+    assert (a.waiting, a.owes) == (1, 0)
+    assert not a.gone
+
+
 def test_who_leaves_with_things_unsaid_says_so() -> None:
     network = Network(random.Random(1))
     network.join()
-    network.ends["a"].say_gone()
+    send(network.ends["a"], "unsaid")
+    network.ends["a"].say_end()
     network.move()
     assert network.ends["b"].gone
 
