@@ -37,8 +37,12 @@ def record(lodeflow, graphs):
     return run
 
 
-def test_from_the_platform_to_the_heading(lodeflow, graphs, record):
-    arg = "--arg"
+def test_from_the_platform_to_the_heading(quick, graphs):
+    lodeflow, arg = quick, "--arg"
+
+    def record(graph, name, *options):
+        lodeflow("run", graphs / "calibration" / graph, *options, "--record", name)
+
     record("platform.yaml", "attitudes.mcap", "--set", "platform.rest=1.5")
     record("platform.yaml", "six.mcap", arg, "programme=six_positions")
     record("platform.yaml", "rates.mcap", arg, "programme=rates")

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
-from command_line import CommandLine
+from command_line import CommandLine, InProcess
 from mcap.reader import make_reader
 
 
@@ -16,59 +16,59 @@ def make(lodeflow: CommandLine, graphs: Path, name: str, *options: object) -> st
     return name
 
 
-def test_a_file_without_its_end(lodeflow: CommandLine, graphs: Path) -> None:
-    path = lodeflow.folder / make(lodeflow, graphs, "a.mcap")
+def test_a_file_without_its_end(quick: InProcess, graphs: Path) -> None:
+    path = quick.folder / make(quick, graphs, "a.mcap")
     path.write_bytes(path.read_bytes()[:-100])
     for arguments in (["info"], ["export", "--to", "csv", "out"], ["compare", "a.mcap"]):
-        done = lodeflow(arguments[0], "a.mcap", *arguments[1:], code=1)
+        done = quick(arguments[0], "a.mcap", *arguments[1:], code=1)
         assert "a.mcap: was not closed" in done.stderr
         assert done.stderr.endswith("mend it with: lodeflow recover a.mcap\n")
-    done = lodeflow("recover", "a.mcap")
+    done = quick("recover", "a.mcap")
     assert "mended to a.recovered.mcap" in done.stdout
-    make(lodeflow, graphs, "b.mcap")
-    lodeflow("compare", "a.recovered.mcap", "b.mcap")
+    make(quick, graphs, "b.mcap")
+    quick("compare", "a.recovered.mcap", "b.mcap")
 
 
-def test_info(lodeflow: CommandLine, graphs: Path) -> None:
-    make(lodeflow, graphs, "a.mcap")
-    text = lodeflow("info", "a.mcap").stdout
+def test_info(quick: InProcess, graphs: Path) -> None:
+    make(quick, graphs, "a.mcap")
+    text = quick("info", "a.mcap").stdout
     (row,) = [line.split() for line in text.splitlines() if line.startswith("vehicle.raw_mag ")]
     assert row == ["vehicle.raw_mag", "RawField", "500", "0.000000", "4.990000", "100", "Hz"]
     assert "losses: none" in text
     assert "attached graph: yes" in text
-    plain = json.loads(lodeflow("info", "a.mcap", "--json").stdout)
+    plain = json.loads(quick("info", "a.mcap", "--json").stdout)
     assert plain["provenance"]["graph"] == "heading"
     assert plain["streams"]["/fuser"]["rate"] == pytest.approx(100)
-    graph = lodeflow.write("again.yaml", lodeflow("info", "a.mcap", "--graph").stdout)
-    lodeflow("run", graph, "--record", "b.mcap")
-    lodeflow("compare", "a.mcap", "b.mcap")
+    graph = quick.write("again.yaml", quick("info", "a.mcap", "--graph").stdout)
+    quick("run", graph, "--record", "b.mcap")
+    quick("compare", "a.mcap", "b.mcap")
 
 
-def test_compare(lodeflow: CommandLine, graphs: Path) -> None:
-    make(lodeflow, graphs, "a.mcap")
-    make(lodeflow, graphs, "same.mcap")
-    make(lodeflow, graphs, "near.mcap", "--set", "fuser.measurement_variance=0.0010000000001")
-    make(lodeflow, graphs, "short.mcap", "--duration", 4)
-    done = lodeflow("compare", "a.mcap", "same.mcap")
+def test_compare(quick: InProcess, graphs: Path) -> None:
+    make(quick, graphs, "a.mcap")
+    make(quick, graphs, "same.mcap")
+    make(quick, graphs, "near.mcap", "--set", "fuser.measurement_variance=0.0010000000001")
+    make(quick, graphs, "short.mcap", "--duration", 4)
+    done = quick("compare", "a.mcap", "same.mcap")
     assert done.stdout.endswith("\nthe same\n")
-    done = lodeflow("compare", "a.mcap", "near.mcap", code=1)
+    done = quick("compare", "a.mcap", "near.mcap", code=1)
     assert "vehicle.imu" in done.stdout
     assert "fuser: first difference: message " in done.stdout
     assert "largest difference of quaternion: " in done.stdout
-    plain = json.loads(lodeflow("compare", "a.mcap", "near.mcap", "--json", code=1).stdout)
+    plain = json.loads(quick("compare", "a.mcap", "near.mcap", "--json", code=1).stdout)
     same = {topic for topic, stream in plain["streams"].items() if stream["same"]}
     assert {"/vehicle/imu", "/compass/attitude"} < same
     assert not {"/fuser", "/heading"} & same
     assert 0 < plain["streams"]["/fuser"]["largest_difference"]["quaternion"]["value"] < 1e-6
-    done = lodeflow("compare", "a.mcap", "near.mcap", "--tolerance", "1e-6")
+    done = quick("compare", "a.mcap", "near.mcap", "--tolerance", "1e-6")
     assert done.stdout.endswith("\nthe same within the tolerance\n")
-    lodeflow("compare", "a.mcap", "near.mcap", "--tolerance", "fuser.quaternion=1e-6", code=1)
-    done = lodeflow("compare", "a.mcap", "short.mcap", code=1)
+    quick("compare", "a.mcap", "near.mcap", "--tolerance", "fuser.quaternion=1e-6", code=1)
+    done = quick("compare", "a.mcap", "short.mcap", code=1)
     assert "heading: 100 only in A" in done.stdout
     for wrong in ("x", "fuser.quaternio=1", "heading.heading=1 m"):
-        done = lodeflow("compare", "a.mcap", "same.mcap", "--tolerance", wrong, code=2)
+        done = quick("compare", "a.mcap", "same.mcap", "--tolerance", wrong, code=2)
         assert "Error: " in done.stderr
-    lodeflow("compare", "a.mcap", "nothing.mcap", code=1)
+    quick("compare", "a.mcap", "nothing.mcap", code=1)
 
 
 PACKAGE = """\
@@ -121,33 +121,33 @@ def test_types_of_an_installed_package_are_compared_by_field(lodeflow: CommandLi
     assert "message types of pressure are not known: ZeroDivisionError" in done.stderr
 
 
-def test_recover_of_a_damaged_file(lodeflow: CommandLine, graphs: Path) -> None:
-    path = lodeflow.folder / make(lodeflow, graphs, "a.mcap", "--arg", "duration=60")
-    assert "a.mcap is whole; nothing was written" in lodeflow("recover", "a.mcap").stdout
+def test_recover_of_a_damaged_file(quick: InProcess, graphs: Path) -> None:
+    path = quick.folder / make(quick, graphs, "a.mcap", "--arg", "duration=60")
+    assert "a.mcap is whole; nothing was written" in quick("recover", "a.mcap").stdout
     with path.open("rb") as file:
         chunk = make_reader(file).get_summary().chunk_indexes[1]
     data = bytearray(path.read_bytes())
     data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
-    (lodeflow.folder / "b.mcap").write_bytes(data)
-    done = lodeflow("recover", "b.mcap", "c.mcap")
+    (quick.folder / "b.mcap").write_bytes(data)
+    done = quick("recover", "b.mcap", "c.mcap")
     assert "bytes lost: a chunk that" in done.stdout
     assert "data up to t=" in done.stdout
-    lodeflow("compare", "a.mcap", "c.mcap", code=1)
-    assert "exists" in lodeflow("recover", "b.mcap", "c.mcap", code=1).stderr
-    lodeflow.write("d.mcap", "no recording")
-    assert "d.mcap: is no MCAP file" in lodeflow("recover", "d.mcap", code=1).stderr
+    quick("compare", "a.mcap", "c.mcap", code=1)
+    assert "exists" in quick("recover", "b.mcap", "c.mcap", code=1).stderr
+    quick.write("d.mcap", "no recording")
+    assert "d.mcap: is no MCAP file" in quick("recover", "d.mcap", code=1).stderr
 
 
-def test_export(lodeflow: CommandLine, graphs: Path) -> None:
-    make(lodeflow, graphs, "a.mcap")
-    done = lodeflow("export", "a.mcap", "--to", "csv", "tables")
+def test_export(quick: InProcess, graphs: Path) -> None:
+    make(quick, graphs, "a.mcap")
+    done = quick("export", "a.mcap", "--to", "csv", "tables")
     assert str(Path("tables", "compass.euler.csv")) in done.stdout.splitlines()
-    with (lodeflow.folder / "tables" / "heading.csv").open() as file:
+    with (quick.folder / "tables" / "heading.csv").open() as file:
         header, *rows = csv.reader(file)
     assert header == ["t_ns", "heading [rad]"]
     assert [int(row[0]) for row in rows] == [10_000_000 * number for number in range(500)]
-    lodeflow("export", "a.mcap", "--to", "parquet", "one.parquet", "vehicle.imu")
-    assert (lodeflow.folder / "one.parquet").read_bytes()[:4] == b"PAR1"
-    done = lodeflow("export", "a.mcap", "--to", "csv", "tables", "vehicle.imx", code=1)
+    quick("export", "a.mcap", "--to", "parquet", "one.parquet", "vehicle.imu")
+    assert (quick.folder / "one.parquet").read_bytes()[:4] == b"PAR1"
+    done = quick("export", "a.mcap", "--to", "csv", "tables", "vehicle.imx", code=1)
     assert "did you mean 'vehicle.imu'" in done.stderr
-    lodeflow("export", "a.mcap", "--to", "xlsx", "tables", code=2)
+    quick("export", "a.mcap", "--to", "xlsx", "tables", code=2)

@@ -11,7 +11,7 @@ from pathlib import Path
 import every_graph
 import pytest
 import yaml
-from command_line import CommandLine
+from command_line import CommandLine, InProcess
 from processes import free_port
 
 from lodeflow.graph import load_graph
@@ -20,18 +20,18 @@ ROUNDS = int(os.environ.get("LODEFLOW_ROUNDS", "1"))
 
 
 @pytest.mark.parametrize("name", every_graph.NAMES)
-def test_same_bytes(lodeflow: CommandLine, name: str) -> None:
-    graph, *arguments = every_graph.prepared(name, lodeflow)
+def test_same_bytes(lodeflow: CommandLine, quick: InProcess, name: str) -> None:
+    graph, *arguments = every_graph.prepared(name, quick)
     run = ("run", graph, *arguments)
-    lodeflow(*run, "--processes", "one", "--record", "one.mcap")
+    quick(*run, "--processes", "one", "--record", "one.mcap")
     two_groups(Path(graph), lodeflow.folder / "hosts.yaml")
     for _ in range(ROUNDS):
         for before in ("split.mcap", "hosts.mcap"):
             (lodeflow.folder / before).unlink(missing_ok=True)
         lodeflow(*run, "--processes", "split", "--record", "split.mcap")
-        assert "the same" in lodeflow("compare", "one.mcap", "split.mcap").stdout
+        assert "the same" in quick("compare", "one.mcap", "split.mcap").stdout
         on_two_hosts(lodeflow, *run, "--with", "hosts.yaml")
-        assert "the same" in lodeflow("compare", "one.mcap", "hosts.mcap").stdout
+        assert "the same" in quick("compare", "one.mcap", "hosts.mcap").stdout
 
 
 def two_groups(graph: Path, overlay: Path) -> None:

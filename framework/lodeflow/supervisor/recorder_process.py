@@ -102,7 +102,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
             recorder.close({"summary": json.dumps(merged(reports, setup))})
         except LodeflowError as error:
             report.error = report.error or str(error)
-        links.farewell(0.3)
+        links.farewell(0.3 if report.stopped or report.error else None)
         close()
     return report
 
