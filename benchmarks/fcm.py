@@ -54,7 +54,7 @@ def candidates() -> dict[str, Callable[[np.ndarray, np.ndarray], int]]:
         import skfuzzy
 
         found["scikit-fuzzy"] = lambda points, u: skfuzzy.cmeans(
-            points.T, CLUSTERS, 2.0, error=NEVER, maxiter=ITERATIONS + 1, init=u.T
+            points.T, CLUSTERS, 2.0, error=NEVER, maxiter=ITERATIONS, init=u.T
         )[5]
     except ImportError:
         pass

@@ -75,6 +75,9 @@ def lodeflow_nodes() -> dict[str, str]:
         "integrated_heading": f"{here}.interference.integrated_heading:IntegratedHeading",
         "gated_kalman": f"{here}.interference.gated_kalman:GatedKalman",
         "heading_estimator": f"{here}.interference.heading_estimator.node:HeadingEstimator",
+        "attitude_heading_estimator": (
+            f"{here}.interference.heading_estimator.attitude_node:AttitudeHeadingEstimator"
+        ),
         "attitude_score": f"{here}.scoring.attitude_score.node:ScoreAttitude",
         "recognition_score": f"{here}.scoring.recognition_score:ScoreRecognition",
         "fcm_score": f"{here}.scoring.recognition_score:ScoreFcm",

@@ -13,7 +13,8 @@ from lodeflow_plugins.sources import airborne_line
 
 BUNDLED = {
     "accel_calibrator", "acceleration_peak_steps", "airborne_line", "amvd_steps",
-    "ared_steps", "attitude_fuser", "attitude_score", "autocorrelation_steps", "broad_trial",
+    "ared_steps", "attitude_fuser", "attitude_heading_estimator", "attitude_score",
+    "autocorrelation_steps", "broad_trial",
     "chu_fuser", "csv", "disturbing_gravity", "dmc_features", "ellipse_calibrator", "eotvos",
     "euler_to_geographic", "fcm_score", "fcm_stage", "foot_trial", "gated_kalman",
     "gravity_low_pass", "gravity_score", "gyro_calibrator", "gyro_norm_steps",
