@@ -241,7 +241,7 @@ class Link:
         put(self.publisher, hello, attach(0, 0, 0, 0, frames.HELLO, self.index, 0))
 
     def say_end(self) -> None:
-        """Tell the other side that everything is done here; or that what it has not taken is lost."""
+        """Tell the other side that all is done here, or that what it has not taken is lost."""
         self._say(frames.GONE if self.owes else frames.BYE, 0)
 
     def close(self) -> None:

@@ -35,9 +35,11 @@ BATCH = 32
 PATIENCE = 5.0
 """Seconds between two words on whom a group waits for."""
 LINGER = 20.0
-"""Seconds that a group which is done waits for the others to have heard so, while they listen. After
-a cut, one direction of a connection may stay silent for many seconds more than the other; who left
-at once would leave the other side without an acknowledgement for ever."""
+"""Seconds that a group which is done waits for the others to have heard so, while they listen.
+
+After a cut, one direction of a connection may stay silent for many seconds more than the other; who
+left at once would leave the other side without an acknowledgement for ever.
+"""
 
 
 class Links:
