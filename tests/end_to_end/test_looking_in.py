@@ -178,16 +178,19 @@ def stop(process: subprocess.Popen[str]) -> dict[str, Any]:
 def test_an_echo_ends_with_the_run(toy: CommandLine, how: str) -> None:
     process = start(toy, "one")
     echo = toy.start("echo", "total", "--json")
-    assert json.loads(first_line(echo))["stream"] == "total"
+    first = first_line(echo)
+    assert json.loads(first)["stream"] == "total"
     if how == "kill":
         process.kill()
     else:
         told = stop(process)
-    output, errors = echo.communicate(timeout=30)
-    assert echo.returncode == 0
-    assert errors == "total: the run has ended\n"
+    assert echo.stdout is not None
+    assert echo.stderr is not None
+    lines = [first, *echo.stdout]  # what the first read has buffered counts too
+    assert echo.stderr.read() == "total: the run has ended\n"
+    assert echo.wait(timeout=30) == 0
     if how == "end":
-        assert json.loads(output.splitlines()[-1])["t"] == (told["streams"]["total"] - 1) * STEP
+        assert json.loads(lines[-1])["t"] == (told["streams"]["total"] - 1) * STEP
 
 
 @pytest.mark.parametrize("way", ["one", "split"])

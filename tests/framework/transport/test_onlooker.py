@@ -30,11 +30,12 @@ def test_who_does_not_take_misses_the_oldest(monkeypatch: pytest.MonkeyPatch) ->
             made.push(next(numbers), 1)
             taken(quick, seen, seen.rows + 1)
         left = slow.take(1.0)
-        for sighting in left:
+        late = slow.take(0.2)  # the last may still have been on its way
+        for sighting in [*left, *late]:
             view.see(sighting)
         assert seen.missed == 0
         assert len(left) == 10
-        assert view.missed >= 90
+        assert view.missed + len(left) + len(late) >= 100
 
 
 def test_no_thread_is_left_behind() -> None:
