@@ -170,6 +170,29 @@ def test_hosts_with_other_options_refuse_each_other(
         assert "start all groups with the same file and options (--arg, --set, --swap," in errors
 
 
+@pytest.mark.parametrize("stopped", ["here", "there"])
+def test_ctrl_c_on_one_host_ends_the_other_too(toy: CommandLine, stopped: str) -> None:
+    ports = [free_port(), free_port()]
+    run = ("run", "toy.yaml", "--realtime", "--record", "hosts.mcap")
+    hosts = {
+        "here": toy.start(
+            *(*run, "--only", "ends,recorder", "--listen", f"ends=tcp/127.0.0.1:{ports[0]}"),
+            *("--listen", f"recorder=tcp/127.0.0.1:{ports[1]}"),
+        ),
+        "there": toy.start(
+            *(*run, "--only", "source,gains", "--connect", f"tcp/127.0.0.1:{ports[0]}"),
+            *("--connect", f"tcp/127.0.0.1:{ports[1]}"),
+        ),
+    }
+    wait_for_recording(toy.folder / "hosts.mcap")
+    time.sleep(0.5)
+    hosts[stopped].send_signal(signal.SIGINT)
+    for process in hosts.values():
+        process.communicate(timeout=20)
+    assert hosts[stopped].returncode == 130
+    toy("info", "hosts.mcap")
+
+
 def test_unknown_groups_and_ambiguous_endpoints_are_told(toy: CommandLine) -> None:
     done = toy("run", "toy.yaml", "--only", "gain", code=1)
     assert done.stderr == ("lodeflow: no group 'gain' in graph 'toy', did you mean 'gains'?\n")

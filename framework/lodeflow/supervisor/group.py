@@ -102,8 +102,15 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
             tell(("reached", t, report.counters))
         window.tend(engine.driver)
         answers.tend()
-        if links.stop_asked and not engine.stopping.is_set():
-            engine.stop()
+        for peer in links.left_early():
+            if peer in setup.here:
+                continue  # the supervisor says what follows
+            group = setup.graph.processes.get(peer)
+            if group is not None and group.on_crash == "continue":
+                links.gone(peer)
+            elif not engine.stopping.is_set():
+                logging.getLogger("lodeflow").warning("group '%s' has left: ending", peer)
+                engine.stop()
 
     engine = Engine(
         plan,

@@ -121,7 +121,7 @@ class Links:
         self._on_note = on_note
         self._attend = attend
         self._driver: Driver | None = None
-        self.stop_asked = False
+        self._departed: set[Link] = set()
         self.ready: deque[Arrival] = deque()
         self._notes: deque[str] = deque()
         me_key = keys.link(graph.name, part.name, part.name)
@@ -266,10 +266,14 @@ class Links:
         if link is not None:
             link.send(frames.NOTE, 0, 0, 0, 0, text.encode())
 
-    def ask_to_stop(self) -> None:
-        """Ask the other groups to end their sources."""
-        for link in self.links.values():
-            link.send(frames.STOP, 0, 0, 0, 0, b"")
+    def left_early(self) -> set[str]:
+        """Return the groups that have left although streams which they read have not ended."""
+        return {
+            link.peer
+            for link in self._departed
+            if not link.closed
+            and any(link in outlet.readers and outlet.bound < END for outlet in self._outlets)
+        }
 
     def later(self, text: str) -> None:
         """Send a text to the recorder at the next flush; safe in any thread."""
@@ -325,6 +329,8 @@ class Links:
         else:
             before = link.restarts
             link.receive(frame, now)
+            if link.departed:
+                self._departed.add(link)
             if link.restarts > before:
                 self._restarted(link.peer)
             if link.gone:
@@ -332,9 +338,6 @@ class Links:
 
     def _open(self, link: Link, frame: Frame) -> Arrival | None:
         """Return what a frame brings, decoded."""
-        if frame.kind == frames.STOP:
-            self.stop_asked = True
-            return None
         if frame.kind == frames.NOTE:
             self._on_note(link.peer, frame.payload.decode("utf-8", "replace"))
             return None
