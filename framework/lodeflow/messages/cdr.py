@@ -55,8 +55,8 @@ class StreamConstants:
         )
 
 
-PACKED_VALUES = 256
-"""Values of a sample up to which struct.pack is quicker than a block of one row."""
+PACKED_VALUES = 64
+"""Values of a field up to which struct.pack is quicker than a copy of the array."""
 
 
 class Layout:
@@ -83,13 +83,14 @@ class Layout:
             }
         )
         self._template_row = np.frombuffer(self.template, dtype=f"V{self.size}")
-        values = sum(math.prod(field.shape) for field in kind.fields)
-        self.encode_sample = (
-            self._compile_sample() if values <= PACKED_VALUES else self._encode_large_sample
-        )
+        self.encode_sample = self._compile_encoder()
+        self.decode_sample = self._compile_decoder()
 
     encode_sample: Callable[[Message], bytes]
     """Encode one sample. Raises MessageError for a stamp or value that does not fit."""
+
+    decode_sample: Callable[[bytes], Message]
+    """Return the sample that one record holds; see `decode_block` for errors."""
 
     def encode_block(
         self, block: Message, out: NDArray[np.uint8] | None = None
@@ -153,61 +154,125 @@ class Layout:
             t, *[view[field.name].astype(field.dtype, order="C") for field in self.kind.fields]
         )
 
-    def decode_sample(self, record: bytes) -> Message:
-        """Return the sample that one record holds; see `decode_block` for errors."""
-        return self.decode_block(np.frombuffer(record, dtype=np.uint8)[None]).row(0)
-
-    def _encode_large_sample(self, sample: Message) -> bytes:
+    def _encode_unusual(self, sample: Message) -> bytes:
+        """Encode a sample that may hold a NaN: there are many patterns, a stream has one."""
         record: bytes = self.encode_block(sample.as_block())[0].tobytes()
         return record
 
-    def _compile_sample(self) -> Callable[[Message], bytes]:
-        """Generate the encoder of one sample: one struct.pack with the constant bytes between."""
+    def _compile_encoder(self) -> Callable[[Message], bytes]:
+        """Generate the encoder of one sample: struct.pack with the constant bytes between.
+
+        Large arrays are no arguments of it, but joined with what is packed before and behind.
+        """
         pieces: list[tuple[int, str, str]] = [
             (self.offsets["header.stamp.sec"], "i", "sec"),
             (self.offsets["header.stamp.nanosec"], "I", "nanosec"),
         ]
         floats: list[str] = []
+        joined: list[str] = []
         for field in self.kind.fields:
             code = {"uint8": "B", "uint32": "I", "int64": "q"}.get(field.ros, "d")
             value = f"m.{field.name}"
+            if field.size > PACKED_VALUES:
+                joined.append(field.name)
+                pieces.append((self.offsets[field.name], f"{8 * field.size}x", field.name))
+                continue
             value = value if not field.shape else f"*{value}.ravel().tolist()"
             count = field.size if field.shape else ""
             pieces.append((self.offsets[field.name], f"{count}{code}", value))
             if not field.integer:
                 floats.append(value)
-        layout, arguments, at = "<", [], 0
         scope: dict[str, Any] = {"isnan": math.isnan, "nan": math.nan, "fsum": sum}
-        for offset, code, value in sorted(pieces):
+        scope |= {"slow": self._encode_unusual, "error": struct.error, "Refused": MessageError}
+        scope |= {"plain": np.ascontiguousarray, "own": np.dtype("<f8")}
+        packs: list[str] = []
+        layout, at = "<", 0
+        arguments: list[str] = []
+
+        def close() -> None:
+            """End a stretch that is packed at once."""
+            nonlocal layout, arguments
+            scope[f"pack{len(packs)}"] = struct.Struct(layout).pack
+            packs.append(f"pack{len(packs)}({', '.join(arguments)})")
+            layout, arguments = "<", []
+
+        for offset, code, value in [*sorted(pieces), (self.size, "0x", "")]:
             if offset > at:
                 scope[f"gap{at}"] = self.template[at:offset]
                 layout += f"{offset - at}s"
                 arguments.append(f"gap{at}")
-            layout += code
-            arguments.append(value)
             at = offset + struct.calcsize("<" + code)
-        if at < self.size:
-            scope["tail"] = self.template[at:]
-            layout += f"{self.size - at}s"
-            arguments.append("tail")
-        scope["pack"] = struct.Struct(layout).pack
-        scope["slow"] = self._encode_large_sample
-        scope["error"], scope["Refused"] = struct.error, MessageError
+            if value in joined:
+                close()
+                packs.append(value)
+            elif value:
+                layout += code
+                arguments.append(value)
+        close()
         body = f"    sec, nanosec = divmod(m.t, {NANOSECONDS})\n"
+        for name in joined:
+            body += f"    {name} = plain(m.{name}, own)\n"
+            body += f"    if isnan({name}.min()):\n        return slow(m)\n"
         if floats:
             # A sum finds NaN at a tenth of the cost of looking at each value; inf - inf only
             # sends a good sample the slow way.
             body += f"    if isnan(fsum(({', '.join(floats)},))):\n        return slow(m)\n"
+        whole = packs[0] if len(packs) == 1 else f"b''.join(({', '.join(packs)}))"
         source = (
             "def encode_sample(m):\n"
-            f"{body}    try:\n        return pack({', '.join(arguments)})\n"
+            f"{body}    try:\n        record = {whole}\n"
             "    except error as problem:\n"
             f'        raise Refused(f"{self.kind.__name__} does not fit its layout: '
             '{problem}") from None\n'
         )
+        if joined:  # struct counts by itself
+            source += f"    if len(record) != {self.size}:\n        m.validate()\n"
+        source += "    return record\n"
         exec(compile(source, f"<CDR of {self.kind.__name__}>", "exec"), scope)
         compiled: Callable[[Message], bytes] = scope["encode_sample"]
         return compiled
+
+    def _compile_decoder(self) -> Callable[[bytes], Message]:
+        """Generate the decoder of one sample: a struct.unpack for scalars, a copy per array."""
+        scalars = {"header": (0, "I"), "sec": (self.offsets["header.stamp.sec"], "i")}
+        scalars["nanosec"] = (self.offsets["header.stamp.nanosec"], "I")
+        arguments = []
+        for field in self.kind.fields:
+            at = self.offsets[field.name]
+            if field.shape:
+                array = f"frombuffer(record, wire, {field.size}, {at}).astype(own)"
+                flat = len(field.shape) == 1
+                arguments.append(array if flat else f"{array}.reshape({field.shape})")
+            else:
+                code = {"uint8": "B", "uint32": "I", "int64": "q"}.get(field.ros, "d")
+                scalars[f"m_{field.name}"] = at, code
+                arguments.append(f"m_{field.name}")
+        layout, end = "<", 0
+        for at, code in sorted(scalars.values()):
+            layout += f"{at - end}x{code}"
+            end = at + struct.calcsize("<" + code)
+        names = ", ".join(sorted(scalars, key=scalars.__getitem__))
+        scope: dict[str, Any] = {
+            "unpack": struct.Struct(f"{layout}{self.size - end}x").unpack,
+            "frombuffer": np.frombuffer,
+            "wire": np.dtype("<f8"),
+            "own": np.dtype(np.float64),
+            "kind": self.kind,
+            "error": struct.error,
+            "refuse": self._refuse_sample,
+        }
+        source = (
+            f"def decode_sample(record):\n    try:\n        {names} = unpack(record)\n"
+            "    except error:\n        refuse(record)\n"
+            f"    if header != {int.from_bytes(HEADER, 'little')}:\n        refuse(record)\n"
+            f"    return kind(sec * {NANOSECONDS} + nanosec, {', '.join(arguments)})\n"
+        )
+        exec(compile(source, f"<CDR of {self.kind.__name__}>", "exec"), scope)
+        compiled: Callable[[bytes], Message] = scope["decode_sample"]
+        return compiled
+
+    def _refuse_sample(self, record: bytes) -> None:
+        self.decode_block(np.frombuffer(record, dtype=np.uint8)[None])
 
 
 def layout_of(kind: type[Message], constants: StreamConstants | None = None) -> Layout:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from lodeflow.errors import MessageError
 from lodeflow.messages.cdr import (
     FIRST_STAMP,
     LAST_STAMP,
+    PACKED_VALUES,
     StreamConstants,
     layout_of,
     read_constants,
@@ -122,6 +123,55 @@ def test_infinities_that_cancel_are_no_nan() -> None:
     layout = layout_of(lf.EulerAngles)
     sample = lf.EulerAngles(5, float("inf"), float("-inf"), 1.0)
     assert layout.decode_sample(layout.encode_sample(sample)) == sample
+
+
+class Wide(lf.Message, ros="test_cdr_msgs/msg/Wide"):
+    """Long arrays, which are not packed value by value, between fields that are."""
+
+    first: lf.Array[lf.Dimensionless, Literal[PACKED_VALUES + 1]]  # type: ignore[valid-type]
+    code: lf.UInt8
+    second: lf.Array[lf.Dimensionless, Literal[500]]
+    third: lf.Array[lf.Dimensionless, Literal[PACKED_VALUES]]  # type: ignore[valid-type]
+    level: lf.Scalar[lf.Dimensionless]
+    fourth: lf.Array[lf.Dimensionless, Literal[70]]
+
+
+def wide(generator: np.random.Generator) -> Any:
+    columns = [
+        generator.normal(size=f.shape) if f.shape else generator.integers(0, 200).item()
+        for f in Wide.fields
+    ]
+    return Wide(int(generator.integers(0, 10**18)), *columns).replace(level=0.5)
+
+
+def test_long_arrays_have_the_same_bytes_in_samples_and_blocks() -> None:
+    layout, generator = layout_of(Wide), np.random.default_rng(1)
+    samples = [wide(generator) for _ in range(5)]
+    records = layout.encode_block(Wide.stack(samples))
+    assert [layout.encode_sample(sample) for sample in samples] == [r.tobytes() for r in records]
+    for sample, record in zip(samples, records, strict=True):
+        back: Any = layout.decode_sample(record.tobytes())
+        assert back == sample
+        back.validate()
+        assert back.first.flags.writeable
+        assert back.first.flags.aligned
+
+
+def test_a_long_array_is_looked_at_like_any_other() -> None:
+    layout, good = layout_of(Wide), wide(np.random.default_rng(1))
+    odd = np.zeros(500)
+    odd[7] = np.frombuffer(struct.pack("<Q", 0xFFF8_0000_0000_0001))[0]
+    plain = odd.copy()
+    plain[7] = np.nan
+    assert odd.tobytes() != plain.tobytes()
+    found = layout.encode_sample(good.replace(second=odd))
+    assert found == layout.encode_sample(good.replace(second=plain))
+    whole = good.replace(second=np.arange(500))  # integers become what the field holds
+    assert layout.decode_sample(layout.encode_sample(whole)) == whole
+    with pytest.raises(MessageError, match=r"^Wide\.second must be a C-contiguous"):
+        layout.encode_sample(good.replace(second=np.zeros(499)))
+    with pytest.raises(MessageError, match=r"^Wide does not fit its layout"):
+        layout.encode_sample(good.replace(code=300))
 
 
 def test_constants_that_are_equal_but_have_other_bytes_are_kept_apart() -> None:
