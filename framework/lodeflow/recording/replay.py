@@ -20,7 +20,7 @@ from lodeflow.recording.mcap.raw import topics
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.source import aligned, recorded_constants
-from lodeflow.runtime.feed import Fed, Intake
+from lodeflow.runtime.intake import Fed, Intake
 from lodeflow.runtime.plan import PlanNode
 
 RECORDED_TO = "recordings/{name}-replay-{start}.mcap"

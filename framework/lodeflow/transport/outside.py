@@ -15,7 +15,7 @@ from lodeflow.clock import Clock, monotonic, sleep
 from lodeflow.errors import LodeflowError
 from lodeflow.graph.keyed import FromKey
 from lodeflow.messages.cdr import layout_of
-from lodeflow.runtime.feed import Lost
+from lodeflow.runtime.intake import Lost
 from lodeflow.sync import END, NEVER, Bound
 from lodeflow.transport import frame as frames
 

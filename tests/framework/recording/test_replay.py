@@ -21,7 +21,7 @@ from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.reader import Recording
 from lodeflow.recording.recorder import topic
 from lodeflow.recording.replay import is_complete, last_stamps, replaying
-from lodeflow.runtime.feed import Fed
+from lodeflow.runtime.intake import Fed
 from lodeflow.supervisor.run import run
 
 

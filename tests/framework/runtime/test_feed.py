@@ -16,21 +16,22 @@ import lodeflow as lf
 from lodeflow.clock import SimClock
 from lodeflow.errors import ContractError, NodeFailure
 from lodeflow.runtime import feed as feeds
-from lodeflow.runtime.feed import batches, gathered
+from lodeflow.runtime.feed import batches
+from lodeflow.runtime.intake import finite_rows
 from lodeflow.sync import END
 
 SETTINGS = settings(max_examples=150, deadline=None, derandomize=True, database=None)
 
 
 def read(
-    plugin: type[lf.Source], duration: int | None = None
+    plugin: type[lf.Source], duration: int | None = None, most: int = 1
 ) -> tuple[list[Rows], dict[str, int], int]:
     """Return what entered per port, what was lost, and the number of batches."""
     node = planned(plugin)
     found: list[Rows] = [[] for _ in node.spec.outputs]
     reached = None
     count = 0
-    for batch in feeds.feeds([node], SimClock(), duration)[node.name]:
+    for batch in feeds.feeds([node], SimClock(), duration, most)[node.name]:
         for index, one in batch.blocks:
             one.validate()
             assert len(one)
@@ -55,7 +56,8 @@ def test_what_is_dropped_does_not_depend_on_the_split(
         source(*cut(given, cuts, samples)),
         source(*cut(given, list(range(len(given))), True)),
     ):
-        assert read(plugin)[:2] == ([kept], lost)
+        for most in (1, 7, 4096):
+            assert read(plugin, most=most)[:2] == ([kept], lost)
 
 
 @given(any_rows, any_rows, st.lists(st.integers(-21, 21)), st.data())
@@ -111,12 +113,12 @@ def test_a_bound_holds_the_source_to_its_word() -> None:
 
 def test_nan_may_stand_in_fields_with_gaps() -> None:
     truth = lf.AttitudeTruth(np.arange(3), np.full((3, 4), np.nan), np.zeros(3, dtype=np.int64))
-    assert feeds.finite_rows(truth) is None
+    assert finite_rows(truth) is None
     imu = lf.Imu(np.arange(3), np.zeros((3, 3)), np.zeros((3, 3)))
-    assert feeds.finite_rows(imu) is None
+    assert finite_rows(imu) is None
     imu.angular_velocity[0, 2] = np.nan
     imu.linear_acceleration[2, 0] = -np.inf
-    assert feeds.finite_rows(imu).tolist() == [False, True, False]
+    assert finite_rows(imu).tolist() == [False, True, False]
 
 
 def test_nothing_is_nothing() -> None:
@@ -263,60 +265,3 @@ def test_a_source_without_end_is_cut() -> None:
 def test_a_bound_beyond_the_end_is_the_end() -> None:
     assert read(source(ramp(2), lf.Bound(2**70)))[0] == [[(0, 0.0), (1, 1.0)]]
     assert read(source(lf.Bound(np.int64(1)), ramp(2)))[0] == [[(1, 1.0)]]
-
-
-def gather(plugin: type[lf.Source], most: int) -> list[tuple[dict[int, list[int]], int]]:
-    """Return the stamps of each port, and the bound, of each gathered batch."""
-    return [
-        ({port: one.t.tolist() for port, one in batch.blocks}, batch.bound)
-        for batch in gathered(batches(planned(plugin), SimClock()), most)
-    ]
-
-
-def test_small_blocks_are_gathered_to_some_rows_and_the_rest_goes_on_at_the_end() -> None:
-    found = gather(source(ramp(3), ramp(5)[3:], ramp(9)[5:], ramp(10)[9:]), 4)
-    assert found == [
-        ({0: [0, 1, 2, 3, 4]}, 5),
-        ({0: [5, 6, 7, 8]}, 9),
-        ({0: [9]}, END),
-    ]
-
-
-def test_ports_are_gathered_side_by_side_and_bounds_go_on() -> None:
-    def read_(self: lf.Source, clock: lf.Clock) -> Iterator[Pair]:
-        yield Pair(ramp(1), None)
-        yield Pair(None, ramp(2)[1:])
-        yield lf.Bound(7)  # type: ignore[misc]
-        yield Pair(Reading(8, 0.0), None)
-
-    assert gather(reading(read_, pair=True), 2) == [({0: [0, 8], 1: [1]}, 9), ({}, END)]
-
-
-def test_a_slow_source_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = iter(range(100))
-    monkeypatch.setattr(feeds, "monotonic", lambda: float(next(clock)))
-    assert [bound for _, bound in gather(source(ramp(1), ramp(2)[1:]), 10)] == [1, 2, END]
-
-
-def test_what_came_before_a_failure_is_gathered_and_not_lost() -> None:
-    feed = gathered(batches(planned(source(ramp(2), ramp(3)[2:], OSError())), SimClock()))
-    ((_, one),) = next(feed).blocks
-    assert one.t.tolist() == [0, 1, 2]
-    with pytest.raises(NodeFailure):
-        next(feed)
-
-
-def test_a_feed_that_is_no_longer_gathered_is_closed() -> None:
-    closed = []
-
-    def read_(self: lf.Source, clock: lf.Clock) -> Iterator[Reading]:
-        try:
-            yield ramp(3)
-            yield ramp(6)[3:]
-        finally:
-            closed.append(True)
-
-    feed = gathered(batches(planned(reading(read_)), SimClock()), 3)
-    next(feed)
-    feed.close()
-    assert closed == [True]

@@ -17,7 +17,8 @@ import lodeflow as lf
 from lodeflow.clock import SimClock
 from lodeflow.errors import ContractError, NodeFailure
 from lodeflow.runtime import feed as feeds
-from lodeflow.runtime.feed import Intake, LiveFeed, max_delay
+from lodeflow.runtime.feed import LiveFeed
+from lodeflow.runtime.intake import Intake, max_delay
 from lodeflow.sync import END
 
 SETTINGS = settings(max_examples=150, deadline=None, derandomize=True, database=None)
