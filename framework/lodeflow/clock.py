@@ -71,6 +71,11 @@ class Pacer:
         due = self._origin + (t - self._first) / self._speed
         return (due - now) / NANOSECONDS_PER_SECOND
 
+    def reached(self) -> int:
+        """Return the event time that is due now; `remaining` has been asked before."""
+        passed = time.monotonic_ns() - self._origin
+        return (self._first or 0) + int(passed * self._speed)
+
 
 def monotonic() -> float:
     """Return monotonic wall time in seconds, for progress and flushing, never for data."""

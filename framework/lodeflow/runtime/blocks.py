@@ -273,11 +273,11 @@ class BlockDriver:
             output.promise(bound)
         self._settle()
 
-    def receive(self, source: str, port: int, block: Any, bound: int) -> None:
+    def receive(self, source: str, port: int, message: Any, bound: int) -> None:
         """Bring in what came for one port of a node that runs elsewhere."""
         output = self.sources[source][port]
-        if block is not None:
-            output.send(block, NEVER)
+        if message is not None:
+            output.send(message if message.is_block else message.as_block(), NEVER)
         output.promise(bound)
         self._settle()
 

@@ -13,14 +13,16 @@ from lodeflow.errors import ContractError, RunError
 from lodeflow.graph.model import Wire
 from lodeflow.runtime.blocks import BlockDriver
 from lodeflow.runtime.exchange import Alone, Driver, Exchange
-from lodeflow.runtime.feed import Batch, LiveFeed, feeds, gathered, max_delay
+from lodeflow.runtime.feed import LiveFeed, feeds
+from lodeflow.runtime.gathering import ROWS, gathered
+from lodeflow.runtime.intake import Batch, max_delay
 from lodeflow.runtime.plan import Plan, PlanNode
 from lodeflow.runtime.samples import SampleDriver
 from lodeflow.sync import END, NEVER
 
 TICK = 0.02
 """Seconds between looks at the stop flag and the live sources' clocks when nothing comes."""
-BURST, BURST_STAMPS = 0.001, 32
+BURST, BURST_STAMPS = 0.001, 128
 """Seconds, and stamps, of overdue samples after which what came of them is passed on."""
 
 Watch = Callable[[int], None]
@@ -88,9 +90,12 @@ class Engine:
         return 0 if self.first is None else self.last - self.first
 
     def _saw(self, first: int, last: int) -> None:
-        self.first = first if self.first is None else min(self.first, first)
-        self.last = max(self.last, last)
-        self.reached = max(self.reached, last)
+        if self.first is None or first < self.first:
+            self.first = first
+        if last > self.last:
+            self.last = last
+        if last > self.reached:
+            self.reached = last
 
     def stop(self) -> None:
         """End all sources at the next look; what is on its way is finished. Safe in a signal."""
@@ -122,7 +127,7 @@ class Engine:
     def _run_blocks(self) -> None:
         self.driver = driver = BlockDriver(self.plan)
         self.exchange.attach(driver)
-        read = feeds(self.plan.sources, self.clock, self.duration)
+        read = feeds(self.plan.sources, self.clock, self.duration, ROWS)
         sources = {name: gathered(feed) for name, feed in read.items()}
         reached = dict.fromkeys(sources, NEVER)
         try:
@@ -157,10 +162,11 @@ class Engine:
     def _receive(self, driver: SampleDriver | BlockDriver) -> bool:
         """Bring in what has come from other groups; return whether anything has."""
         moved = False
-        for wire, block, bound in self.exchange.take():
-            driver.receive(*self.ports[wire], block, bound)
-            if block is not None:
-                self._saw(int(block.t[0]), int(block.t[-1]))
+        for wire, message, bound in self.exchange.take():
+            driver.receive(*self.ports[wire], message, bound)
+            if message is not None:
+                t = message.t
+                self._saw(*((t, t) if type(t) is int else (int(t[0]), int(t[-1]))))
             moved = True
         return moved
 
@@ -192,13 +198,14 @@ class Engine:
         for feed in files:
             feed.advance(driver)
         files = [feed for feed in files if feed.t < END]
-        while files or live or self.exchange.is_open():
-            moved = self._receive(driver)
+        while True:
+            self._receive(driver)
             if self.stopping.is_set():
                 self._end_sources(driver, files, live)
                 files, live = [], []
                 if not self.exchange.is_open():
-                    break
+                    self.exchange.flush()
+                    return
             wait = TICK
             if self.exchange.has_room():
                 for inbox in live:
@@ -208,29 +215,30 @@ class Engine:
                 wait = min(wait, self._push_due(driver, files, pacer))
             self.exchange.flush()
             self.watch(self.reached)
-            if wait > 0 and not moved:
-                driver.count()
+            if not (files or live or self.exchange.is_open()):
+                return
+            if wait > 0:
                 self.exchange.wait(min(wait, TICK))
-        self.exchange.flush()
 
     def _push_due(self, driver: SampleDriver, files: list[_Paced], pacer: Pacer) -> float:
         """Bring in what is due, for no longer than `BURST`; return the seconds until more is."""
         until = monotonic() + BURST
-        for count in range(BURST_STAMPS):
+        limit = NEVER
+        for _ in range(BURST_STAMPS):
             if not files:
                 return TICK
             due = files[0] if len(files) == 1 else min(files, key=lambda feed: feed.t)
-            wait = pacer.remaining(due.t)
-            if wait > 0:
-                return wait
-            if count:
-                self.watch(self.reached)  # as between any two stamps
-                if self.stopping.is_set() or monotonic() > until:
-                    break
+            if due.t > limit:
+                wait = pacer.remaining(due.t)
+                if wait > 0:
+                    return wait
+                limit = pacer.reached()
             self._saw(due.t, due.t)
             due.push(driver)
             if due.t == END:
                 files.remove(due)
+            if self.stopping.is_set() or monotonic() > until:
+                break
         return 0.0 if files else TICK
 
     def _end_sources(self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed]) -> None:
@@ -280,8 +288,9 @@ class _Paced:
 
     def push(self, driver: SampleDriver) -> None:
         """Bring in the messages of the next stamp."""
+        pushes = driver.pushes[self.node.name]
         for port, sample in self.next:
-            driver.push(self.node.name, port, sample)
+            pushes[port](sample, sample.t)
         self.advance(driver)
 
     def close(self) -> None:

@@ -294,6 +294,11 @@ class SampleDriver:
                     accept = without(accept, spans)
                 output.connect(accept, advance, hears=hears)
             node.compile(hears=name in hearing)
+        self.outputs = {
+            Wire(name, output.port.name): output
+            for name, node in self.nodes.items()
+            for output in node.outputs
+        }
         self.pushes = {
             name: list(node.senders.values())
             for name, node in self.nodes.items()
@@ -320,17 +325,20 @@ class SampleDriver:
         for output in outputs if port is None else (outputs[port],):
             output.promise(bound)
 
-    def receive(self, source: str, port: int, block: Any, bound: int) -> None:
+    def receive(self, source: str, port: int, message: Any, bound: int) -> None:
         """Bring in what came for one port of a node that runs elsewhere."""
-        if block is not None:
+        if message is not None:
             send = self.pushes[source][port]
-            for index, t in enumerate(block.t.tolist()):
-                send(block.row(index), t)
+            if type(message.t) is int:
+                send(message, message.t)
+            else:
+                for index, t in enumerate(message.t.tolist()):
+                    send(message.row(index), t)
         self.nodes[source].outputs[port].promise(bound)
 
     def bound(self, wire: Wire) -> int:
         """Return the bound that a port has promised."""
-        return next(o.bound for o in self.nodes[wire.node].outputs if o.port.name == wire.port)
+        return self.outputs[wire].bound
 
     def earliest_change(self, name: str) -> int:
         """Return the least stamp, ns, from which on a node can be another one."""
@@ -343,9 +351,7 @@ class SampleDriver:
 
     def retap(self, wire: Wire) -> None:
         """Use the plan's taps of a port as they are now."""
-        for output in self.nodes[wire.node].outputs:
-            if output.port.name == wire.port:
-                output.retap()
+        self.outputs[wire].retap()
 
     def waiting(self) -> dict[str, int]:
         """Return how many messages wait at each node for others; safe in any thread."""

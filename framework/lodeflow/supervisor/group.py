@@ -99,6 +99,7 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         log.reached = max(log.reached, t)
         if setup.shown and monotonic() - told >= 0.2:
             told = monotonic()
+            engine.count()
             tell(("reached", t, report.counters))
         window.tend(engine.driver)
         answers.tend()

@@ -63,10 +63,11 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         links.wake()
 
     def work() -> None:
-        for wire, block, _ in links.take():
-            if block is not None:
-                takers[wire](block)
-                recorder.reached = max(recorder.reached, int(block.t[-1]))
+        for wire, message, _ in links.take():
+            if message is not None:
+                takers[wire](message)
+                last = int(message.t[-1]) if message.is_block else message.t
+                recorder.reached = max(recorder.reached, last)
         while notes:
             _note(recorder, reports, *notes.popleft())
         answers.tend()

@@ -79,6 +79,7 @@ def run(
         duration=None if duration is None else seconds(duration),
         watch=watch,
     )
+    watch.count = engine.count
     started = monotonic()
     # Before the file is begun: it must be closed too.
     with interruptible(engine.stop, engine.stopping.is_set) as closing:
@@ -176,6 +177,7 @@ class _Watch:
         self.recorder: Recorder | None = None
         self.seen: Seen | None = None
         self.progress = progress
+        self.count: Callable[[], None] = lambda: None
         self.shown = 0.0
 
     def __call__(self, t: int) -> None:
@@ -186,6 +188,7 @@ class _Watch:
         now = monotonic()
         if now - self.shown >= 0.1:
             self.shown = now
+            self.count()
             self.progress(self.counters, t)
 
 

@@ -15,7 +15,7 @@ import zenoh
 
 from lodeflow.transport import frame as frames
 from lodeflow.transport.frame import COUNT_BITS, COUNT_MASK, INCARNATIONS, Frame, attach
-from lodeflow.transport.session import put
+from lodeflow.transport.session import Payload, put
 
 WINDOW = 1024
 """Frames on their way at most."""
@@ -111,7 +111,7 @@ class Link:
         self._taken_since = 0.0
         self._asked = (-1, 0.0)
         self._next = 0
-        self._unacked: deque[tuple[int, bytes, bytes, int]] = deque()
+        self._unacked: deque[tuple[int, bytes, Payload, int]] = deque()
         self._bytes = self._rows = 0
         self._progress = 0.0
         self._patience = SEND_AGAIN_AFTER
@@ -148,7 +148,7 @@ class Link:
         )
 
     def send(
-        self, kind: int, stream: int, first: int, bound: int, count: int, payload: bytes
+        self, kind: int, stream: int, first: int, bound: int, count: int, payload: Payload
     ) -> None:
         """Send a frame in sequence, and keep it until it is taken."""
         if self.closed:

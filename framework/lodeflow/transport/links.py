@@ -6,24 +6,24 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-import numpy as np
 import zenoh
 from zenoh.handlers import FifoChannel
 
 from lodeflow.clock import monotonic, wall_time
-from lodeflow.errors import LodeflowError, RunError
+from lodeflow.errors import RunError
 from lodeflow.graph import Graph, Wire
 from lodeflow.graph.groups import RECORDER
 from lodeflow.graph.partition import Part
-from lodeflow.messages.cdr import Layout, layout_of
+from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.message import Message
-from lodeflow.runtime.exchange import Arrival, Driver
+from lodeflow.runtime.exchange import Arrival, Bell, Driver
 from lodeflow.sync import END, NEVER
 from lodeflow.transport import frame as frames
 from lodeflow.transport import keys
 from lodeflow.transport.frame import INCARNATIONS, Frame, attach
+from lodeflow.transport.inlet import Inlet
 from lodeflow.transport.link import HELLO_EVERY, Link
-from lodeflow.transport.losses import Gap, LinkLosses
+from lodeflow.transport.losses import LinkLosses
 from lodeflow.transport.outlet import Outlet
 from lodeflow.transport.session import put
 from lodeflow.transport.ticker import Ticker
@@ -89,38 +89,44 @@ class Links:
             for peer in part.peers
         }
         self.by_name = {link.peer: link for link in self.links.values()}
-        self.wires = list(graph.streams())
+        wires = list(graph.streams())
         kinds = {
             Wire(node.name, port.name): port.type
             for node in graph.nodes.values()
             for port in node.plugin.spec.outputs
         }
-        self.layouts: dict[Wire, Layout] = {
-            wire: layout_of(kinds[wire]) for wire in {*part.inlets, *part.outlets}
-        }
+        layouts = {wire: layout_of(kinds[wire]) for wire in {*part.inlets, *part.outlets}}
         self.losses = {name: LinkLosses() for name in self.by_name}
         self._outlets = [
             Outlet(
-                self.wires.index(wire),
+                wires.index(wire),
                 wire,
-                self.layouts[wire],
+                layouts[wire],
                 {self.by_name[name]: self.losses[name] for name in readers},
             )
             for wire, readers in part.outlets.items()
         ]
-        self.bounds = dict.fromkeys(part.inlets, NEVER)
+        self._inlets = {
+            wires.index(wire): Inlet(
+                wire,
+                sender,
+                part.name,
+                layouts[wire],
+                self.losses[sender],
+                lambda gap: self.note(gap.as_json()),
+            )
+            for wire, sender in part.inlets.items()
+        }
         self._watches = part.name in graph.processes and graph.processes[part.name].latest
         self.foreign = 0
-        self.gaps: list[Gap] = []
-        self._opened: dict[Wire, Gap] = {}
         self._paces = [
-            wire
-            for wire, sender in part.inlets.items()
-            if sender not in part.knot and _speaks_by_step(graph, wire)
+            inlet
+            for inlet in self._inlets.values()
+            if inlet.sender not in part.knot and _speaks_by_step(graph, inlet.wire)
         ]
         self._on_note = on_note
         self._attend = attend
-        self._driver: Driver | None = None
+        self._bound: Callable[[Wire], int] = lambda wire: NEVER
         self._departed: set[Link] = set()
         self.ready: deque[Arrival] = deque()
         self._notes: deque[str] = deque()
@@ -129,13 +135,16 @@ class Links:
         self._subscriber = session.declare_subscriber(
             keys.link(graph.name, part.name, "*"), FifoChannel(CAPACITY)
         )
-        self._ticker = Ticker(self.wake)
+        self._bell = Bell()
+        self._by_bell = self._runs = False
+        self._ticker = Ticker(self._wake_by_zenoh)
 
     # ---- the engine's side -------------------------------------------------------------------
 
     def attach(self, driver: Driver) -> None:
         """Take the driver whose bounds are passed on."""
-        self._driver = driver
+        self._bound = driver.bound
+        self._runs = True
 
     def tap(self, wire: Wire) -> Callable[[Message], None]:
         """Return what takes the messages of an outlet, samples or blocks."""
@@ -145,10 +154,7 @@ class Links:
         """Yield what has come and may be worked on now."""
         now = monotonic()
         self._drain(now)
-        held = not self.has_room()
-        for link in self.links.values():
-            if held and link.peer not in self.part.knot:
-                continue
+        for link in self._takeable():
             for _ in range(min(BATCH, len(link.arrived))):
                 arrival = self._open(link, link.take(now))
                 if arrival is not None:
@@ -158,31 +164,41 @@ class Links:
 
     def flush(self) -> None:
         """Send what the outlets have, their bounds, and what the links have to say."""
-        driver = self._driver
         while self._notes:
             self.note(self._notes.popleft())
         for outlet in self._outlets:
-            bound = NEVER if driver is None else driver.bound(outlet.wire)
-            outlet.send(bound)
+            outlet.send(self._bound(outlet.wire))
         now = monotonic()
         for link in self.links.values():
             link.tend(now, at_once=self._watches)
 
     def has_room(self) -> bool:
         """Whether all readers keep up."""
-        return not any(link.is_full and not link.latest for link in self.links.values())
+        for link in self.links.values():  # noqa: SIM110 (a generator costs more than all else)
+            if link.is_full and not link.latest:
+                return False
+        return True
 
     def behind(self) -> int:
         """Return the least bound of the streams that do not depend on this group."""
-        return min((self.bounds[wire] for wire in self._paces), default=END)
+        return min((inlet.bound for inlet in self._paces), default=END)
 
     def is_open(self) -> bool:
         """Whether a stream from another group has not ended."""
-        return any(bound < END for bound in self.bounds.values()) or bool(self.ready)
+        for inlet in self._inlets.values():  # likewise
+            if inlet.bound < END:
+                return True
+        return bool(self.ready)
 
     def wait(self, timeout: float) -> None:
         """Wait until a frame comes, `wake` is called, or the time is up."""
-        if self.ready or (self.has_room() and any(link.arrived for link in self.links.values())):
+        if self.ready or self._takeable():
+            return
+        # Who has no inlet is woken by its own sources: a bell is nearer than Zenoh, and what the
+        # links say can wait for so long.
+        self._by_bell = self._runs and not self.part.inlets and self.has_room()
+        if self._by_bell or self._bell.rung:
+            self._bell.wait(timeout)
             return
         self._ticker.set(timeout)
         try:
@@ -192,7 +208,9 @@ class Links:
 
     def wake(self) -> None:
         """End a wait."""
-        put(self._self, b"", attach(0, 0, 0, 0, frames.WAKE, 0, 0))
+        self._bell.ring()
+        if not self._by_bell:
+            self._wake_by_zenoh()
 
     # ---- the group's side --------------------------------------------------------------------
 
@@ -239,6 +257,7 @@ class Links:
             patience: seconds to wait at most; None for as long as it takes.
         """
         self.flush()
+        self._runs = False
         until = float("inf") if patience is None else monotonic() + patience
         while (now := monotonic()) < until and any(link.owes for link in self.links.values()):
             self._drain(now)
@@ -268,6 +287,8 @@ class Links:
 
     def left_early(self) -> set[str]:
         """Return the groups that have left although streams which they read have not ended."""
+        if not self._departed:
+            return set()
         return {
             link.peer
             for link in self._departed
@@ -294,12 +315,10 @@ class Links:
             if arrival is not None:
                 self.ready.append(arrival)
         link.close()
-        for wire, sender in self.part.inlets.items():
-            if sender == group and self.bounds[wire] < END:
-                if lost:
-                    self._gap(wire, group, self.bounds[wire], END)
-                self.bounds[wire] = END
-                self.ready.append(Arrival(wire, None, END))
+        for inlet in self._inlets.values():
+            arrival = inlet.end(lost=lost) if inlet.sender == group else None
+            if arrival is not None:
+                self.ready.append(arrival)
         self.wake()
 
     def close(self) -> None:
@@ -307,6 +326,16 @@ class Links:
         self._ticker.close()
 
     # ---- inside ------------------------------------------------------------------------------
+
+    def _takeable(self) -> list[Link]:
+        """Return the links with frames that may be worked on now."""
+        found = [link for link in self.links.values() if link.arrived]
+        if found and not self.has_room():
+            return [link for link in found if link.peer in self.part.knot]
+        return found
+
+    def _wake_by_zenoh(self) -> None:
+        put(self._self, b"", attach(0, 0, 0, 0, frames.WAKE, 0, 0))
 
     def _drain(self, now: float) -> None:
         self._attend(self)
@@ -341,44 +370,17 @@ class Links:
         if frame.kind == frames.NOTE:
             self._on_note(link.peer, frame.payload.decode("utf-8", "replace"))
             return None
-        wire = self.wires[frame.stream] if frame.stream < len(self.wires) else None
-        if wire is None or self.part.inlets.get(wire) != link.peer:
+        inlet = self._inlets.get(frame.stream)
+        if inlet is None or inlet.sender != link.peer:
             self.losses[link.peer].undecodable += 1
             return None
-        floor = self.bounds[wire]
-        block = None
-        if frame.rows:
-            layout = self.layouts[wire]
-            try:
-                records = np.frombuffer(frame.payload, dtype=np.uint8)
-                block = layout.decode_block(records.reshape(frame.rows, layout.size))
-            except (ValueError, LodeflowError):
-                self.losses[link.peer].undecodable += 1
-                self._gap(wire, link.peer, frame.first, frame.bound)
-                block = None
-        if block is not None and block.t[0] < floor:  # computed again after a restart
-            fresh = block.t >= floor
-            self.losses[link.peer].repeated += int(len(fresh) - fresh.sum())
-            block = block[fresh] if fresh.any() else None
-        if block is not None and wire in self._opened:
-            gap = self._opened.pop(wire)
-            self._gap(wire, link.peer, gap.since, int(block.t[0]))
-        self.bounds[wire] = max(floor, frame.bound)
-        if block is None and self.bounds[wire] == floor:
-            return None
-        return Arrival(wire, block, self.bounds[wire])
+        return inlet.open(frame)
 
     def _restarted(self, peer: str) -> None:
-        for wire, sender in self.part.inlets.items():
-            if sender == peer and NEVER < self.bounds[wire] < END:
-                self._opened[wire] = Gap(wire, self.part.name, peer, self.bounds[wire], END)
+        for inlet in self._inlets.values():
+            if inlet.sender == peer:
+                inlet.restarted()
         self.losses[peer].restarts += 1
-
-    def _gap(self, wire: Wire, peer: str, since: int, until: int) -> None:
-        self.losses[peer].gaps += 1
-        gap = Gap(wire, self.part.name, peer, since, until)
-        self.gaps.append(gap)
-        self.note(gap.as_json())
 
 
 def _speaks_by_step(graph: Graph, wire: Wire) -> bool:

@@ -6,12 +6,15 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from lodeflow.graph import Wire
 from lodeflow.messages.cdr import Layout
 from lodeflow.sync import END, NEVER
 from lodeflow.transport import frame as frames
 from lodeflow.transport.link import Link
 from lodeflow.transport.losses import LinkLosses
+from lodeflow.transport.session import Payload
 
 FRAME_BYTES = 256 << 10
 """Size above which a block is cut into several frames."""
@@ -59,12 +62,14 @@ class Outlet:
                 last = not queue and at + rows >= len(message)
                 t = piece.t
                 self.bound = bound if last and bound > t[-1] else int(t[-1]) + 1
-                self._hand(int(t[0]), len(t), layout.encode_block(piece).tobytes())
+                records = bytearray(len(t) * layout.size)
+                layout.encode_block(piece, np.frombuffer(records, np.uint8).reshape(len(t), -1))
+                self._hand(int(t[0]), len(t), records)
         if bound > self.bound:
             self.bound = bound
             self._hand(0, 0, b"")
 
-    def _hand(self, first: int, count: int, payload: bytes) -> None:
+    def _hand(self, first: int, count: int, payload: Payload) -> None:
         """Send a frame to each reader, unless one only watches and is behind; the end comes."""
         for link, losses in self.readers.items():
             if link.closed:

@@ -99,7 +99,11 @@ def close_session(session: zenoh.Session) -> None:
         refusals.end()
 
 
-def put(publisher: zenoh.Publisher, payload: bytes, attachment: bytes) -> None:
+Payload = bytes | bytearray
+"""What is put; Zenoh copies it, and a frame keeps it to be sent again."""
+
+
+def put(publisher: zenoh.Publisher, payload: Payload, attachment: bytes) -> None:
     """Put, and never fail: what a closed or broken session did not take is sent again or missed."""
     try:
         publisher.put(payload, attachment=attachment)
