@@ -43,6 +43,7 @@ def launch(peer: str, task: Task, *, graph: str = "packets", cpu: bool = False) 
         task = replace(task, out=str(folder / "out.json"))
         environment = {**os.environ, "TASK": task.dumps(), "PYTHONPATH": str(HERE)}
         environment["XDG_RUNTIME_DIR"] = name
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # what is installed is compiled
         commands = _commands(peer, task, folder, graph)
         begun = time.monotonic_ns()
         started = [

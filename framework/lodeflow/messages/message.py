@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -278,7 +279,7 @@ def _finish(cls: type[Message], ros: str) -> None:
     if not re.fullmatch("[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*", ros):
         raise MessageError(f"{cls.__name__}: ros={ros!r} must read package/msg/Name")
     try:
-        hints = get_type_hints(cls, include_extras=True)
+        hints = _hints(cls)
     except (NameError, AttributeError) as error:
         raise MessageError(
             f"{cls.__name__}: {error}; annotations are read when the class is defined"
@@ -296,6 +297,15 @@ def _finish(cls: type[Message], ros: str) -> None:
     definition(cls)
     _generate(cls)
     by_ros_name[ros] = cls
+
+
+def _hints(cls: type[Message]) -> dict[str, Any]:
+    """Return the annotations of a type and its bases; typing would look at Message's own too."""
+    found: dict[str, Any] = {}
+    for base in reversed(cls.__mro__):
+        if issubclass(base, Message) and base is not Message:
+            found |= inspect.get_annotations(base, eval_str=True)
+    return found
 
 
 def _generate(cls: type[Message]) -> None:

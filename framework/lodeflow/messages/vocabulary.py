@@ -5,7 +5,7 @@ magnetic east, y magnetic north, z up. A quaternion rotates body vectors into th
 v_earth = q v q*. Heading counts clockwise from magnetic north to the body's x axis.
 """
 
-from __future__ import annotations
+# Annotations are no texts here: each would have to be compiled, at every start.
 
 from typing import Annotated, ClassVar, Literal
 

@@ -239,7 +239,10 @@ class Links:
             open_links = [link for link in self.links.values() if not link.closed]
             joined = all(link.joined for link in open_links)
             for link in open_links:
+                news = joined and not link.ready
                 link.ready = joined
+                if news:
+                    link.greet(now)  # at once: the others wait for it
                 link.tend(now)
             if joined and all(link.peer_ready for link in open_links):
                 return True
