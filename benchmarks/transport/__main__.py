@@ -57,7 +57,7 @@ def _measures() -> list[Measure]:
         task = Task(size * ROWS, 1_000_000, rows=ROWS)
         found.append(Measure("blocks", f"{name}, blocks of {ROWS}", task, "rate", "1/s", graph))
     chain = Task(64, 5000, 1000, relays=4)
-    for figure, unit in (("p50", "us"), ("p99", "us"), ("cpu", "%")):
+    for figure, unit in (("p50", "us"), ("p99", "us"), ("cpu", "us")):
         found.append(Measure("chain", f"6 processes at 1 kHz, {figure}", chain, figure, unit))
     for numba in (False, True):
         name = "nodes with numba" if numba else "nodes with numpy"

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,6 @@ RAW = ("zenoh", "pyzmq", "iceoryx2")
 PEERS = ("zenoh", "lodeflow", "dora-rs", "pyzmq", "iceoryx2")
 LIMIT = 60.0
 """Seconds after which a measurement has failed."""
-CPU_SECONDS = 2.0
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -32,11 +32,11 @@ def launch(peer: str, task: Task, *, graph: str = "packets", cpu: bool = False) 
         peer: one of PEERS.
         task: without `out`.
         graph: which of lodeflow's graphs.
-        cpu: also how much CPU all processes take, from the first message on.
+        cpu: also how much CPU all processes take, from the first message to the last.
 
     Returns:
         What the sink wrote, with "start_ms" from the command to the first message, and "cpu" in
-        percent of one core.
+        microseconds per message.
     """
     with tempfile.TemporaryDirectory(prefix="bench-") as name:
         folder = Path(name)
@@ -44,6 +44,7 @@ def launch(peer: str, task: Task, *, graph: str = "packets", cpu: bool = False) 
         environment = {**os.environ, "TASK": task.dumps(), "PYTHONPATH": str(HERE)}
         environment["XDG_RUNTIME_DIR"] = name
         environment.pop("PYTHONDONTWRITEBYTECODE", None)  # what is installed is compiled
+        meter = Meter(name)
         commands = _commands(peer, task, folder, graph)
         begun = time.monotonic_ns()
         started = [
@@ -59,9 +60,12 @@ def launch(peer: str, task: Task, *, graph: str = "packets", cpu: bool = False) 
         ]
         try:
             _wait(Path(f"{task.out}.first"), started, folder)
-            used = _cpu(started) if cpu else None
-            _wait(Path(task.out), started, folder)
+            if cpu:
+                before = meter.look()
+            _wait(Path(task.out), started, folder, meter.look if cpu else lambda: None)
             found: dict[str, Any] = json.loads(Path(task.out).read_text())
+            if cpu:
+                found["cpu"] = (meter.look() - before) / task.count * 1e6
         finally:
             for process in started:
                 with suppress(ProcessLookupError):
@@ -73,8 +77,6 @@ def launch(peer: str, task: Task, *, graph: str = "packets", cpu: bool = False) 
                     os.killpg(process.pid, signal.SIGKILL)
                     process.wait()
     found["start_ms"] = (found["first"] - begun) / 1e6
-    if used is not None:
-        found["cpu"] = used
     return found
 
 
@@ -132,36 +134,36 @@ def _lodeflow(task: Task, folder: Path, graph: str) -> list[str]:
     return [*command, "--realtime"] if paced else command
 
 
-def _wait(path: Path, started: list[subprocess.Popen[bytes]], folder: Path) -> None:
+def _wait(
+    path: Path,
+    started: list[subprocess.Popen[bytes]],
+    folder: Path,
+    look: Callable[[], object] = lambda: None,
+) -> None:
     until = time.monotonic() + LIMIT
     while not path.exists():
         failed = [process.returncode for process in started if process.poll()]
         if failed or time.monotonic() > until:
             errors = "\n".join(p.read_text()[-1000:] for p in sorted(folder.glob("err*")))
             raise RuntimeError(f"no {path.name} (exit codes {failed}):\n{errors}")
-        time.sleep(0.002 if path.suffix == ".first" else 0.02)
+        look()
+        time.sleep(0.002 if path.suffix == ".first" else 0.05)
 
 
-def _cpu(started: list[subprocess.Popen[bytes]]) -> float:
-    """Return the CPU of all processes and what they started, in percent of one core."""
-    time.sleep(0.5)
-    before, begun = _ticks(started), time.monotonic()
-    time.sleep(CPU_SECONDS)
-    return 100.0 * (_ticks(started) - before) / TICKS / (time.monotonic() - begun)
+class Meter:
+    """The CPU of all processes that have our folder in their environment, children or not."""
 
+    def __init__(self, folder: str) -> None:
+        self._mark = f"XDG_RUNTIME_DIR={folder}".encode()
+        self._seen: dict[str, int] = {}
 
-def _ticks(started: list[subprocess.Popen[bytes]]) -> int:
-    parents: dict[int, tuple[int, int]] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
+    def look(self) -> float:
+        """Return the seconds used so far, also by those that have ended since the last look."""
+        for entry in Path("/proc").iterdir():
             with suppress(OSError):
-                fields = (entry / "stat").read_text().rpartition(")")[2].split()
-                parents[int(entry.name)] = (int(fields[1]), int(fields[11]) + int(fields[12]))
-    roots = {process.pid for process in started}
-    total = 0
-    for pid, (_, ticks) in parents.items():
-        one = pid
-        while one and one not in roots:
-            one = parents.get(one, (0, 0))[0]
-        total += ticks if one else 0
-    return total
+                if not entry.name.isdigit():
+                    continue
+                if self._mark in (entry / "environ").read_bytes().split(b"\0"):
+                    fields = (entry / "stat").read_text().rpartition(")")[2].split()
+                    self._seen[entry.name] = int(fields[11]) + int(fields[12])
+        return sum(self._seen.values()) / TICKS
