@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from lodeflow.node import SINGLE_PORT, Node, Source
 from lodeflow.params import Params
@@ -14,8 +14,7 @@ Loss = Literal["nonfinite", "disorder", "late", "overflow", "gap", "undecodable"
 than `max_delay`; more than its inbox holds; from a key, it did not arrive, or was no record."""
 
 
-@dataclass(frozen=True, order=True)
-class Wire:
+class Wire(NamedTuple):
     """An output port: where an input gets its messages from."""
 
     node: str

@@ -71,4 +71,5 @@ def read(attachment: bytes, payload: bytes) -> Frame | None:
         return None
     sequence, first, bound, count, flags = ATTACHMENT.unpack(attachment)
     kind, group = flags & (1 << KIND_BITS) - 1, flags >> KIND_BITS & (1 << GROUP_BITS) - 1
-    return Frame(sequence, first, bound, count, kind, group, flags >> STREAM_SHIFT, payload)
+    fields = (sequence, first, bound, count, kind, group, flags >> STREAM_SHIFT, payload)
+    return tuple.__new__(Frame, fields)  # at half the cost of a call

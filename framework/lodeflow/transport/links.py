@@ -156,9 +156,7 @@ class Links:
         self._drain(now)
         for link in self._takeable():
             for _ in range(min(BATCH, len(link.arrived))):
-                arrival = self._open(link, link.take(now))
-                if arrival is not None:
-                    yield arrival
+                yield from self._open(link, link.take(now))
         while self.ready:
             yield self.ready.popleft()
 
@@ -314,9 +312,7 @@ class Links:
         if link is None or link.closed:
             return
         while link.arrived:  # what had arrived counts
-            arrival = self._open(link, link.take(monotonic()))
-            if arrival is not None:
-                self.ready.append(arrival)
+            self.ready.extend(self._open(link, link.take(monotonic())))
         link.close()
         for inlet in self._inlets.values():
             arrival = inlet.end(lost=lost) if inlet.sender == group else None
@@ -368,15 +364,15 @@ class Links:
             if link.gone:
                 self.gone(link.peer)
 
-    def _open(self, link: Link, frame: Frame) -> Arrival | None:
+    def _open(self, link: Link, frame: Frame) -> list[Arrival]:
         """Return what a frame brings, decoded."""
         if frame.kind == frames.NOTE:
             self._on_note(link.peer, frame.payload.decode("utf-8", "replace"))
-            return None
+            return []
         inlet = self._inlets.get(frame.stream)
         if inlet is None or inlet.sender != link.peer:
             self.losses[link.peer].undecodable += 1
-            return None
+            return []
         return inlet.open(frame)
 
     def _restarted(self, peer: str) -> None:
