@@ -12,6 +12,7 @@ from task import Book, Task, compiled, paced
 import lodeflow as lf
 
 TASK = Task.from_environment()
+ROWS = max(TASK.rows, 100)
 VALUES = max(TASK.size // TASK.rows - 24, 16) // 8
 
 
@@ -83,15 +84,19 @@ class Sink(lf.Node):
 
 
 class Blocks(lf.Source):
-    """Blocks of so many packets, or of Imu messages."""
+    """Blocks of so many packets; they are there before, as the payload of the other peers is."""
+
+    def start(self) -> None:
+        self.ready = [self.block(first) for first in range(0, TASK.count, ROWS)]
+
+    def block(self, first: int) -> lf.Message:
+        n = np.arange(first, first + ROWS, dtype=np.int64)
+        values = np.zeros((ROWS, VALUES))
+        values[:, 1] = n
+        return Packet(n * 1000, values, np.zeros(ROWS, dtype=np.int64))
 
     def read(self, clock: lf.Clock) -> Iterator[Packet]:
-        rows = TASK.rows
-        values, tail = np.zeros((rows, VALUES)), np.zeros(rows, dtype=np.int64)
-        for first in range(0, TASK.count, rows):
-            n = np.arange(first, first + rows, dtype=np.int64)
-            values[:, 1] = n
-            yield Packet(n * 1000, values.copy(), tail)
+        yield from self.ready
 
 
 class BlockSink(lf.Node):
@@ -102,14 +107,15 @@ class BlockSink(lf.Node):
         self.book.see(0.0, x.data[-1, 1], len(x))
 
 
-class ImuBlocks(lf.Source):
+class ImuBlocks(Blocks):
+    def block(self, first: int) -> lf.Message:
+        n = np.arange(first, first + ROWS, dtype=np.int64)
+        values = np.zeros((ROWS, 3))
+        values[:, 0] = n
+        return lf.Imu(n * 1000, values, values.copy())
+
     def read(self, clock: lf.Clock) -> Iterator[lf.Imu]:
-        rows = max(TASK.rows, 100)
-        for first in range(0, TASK.count, rows):
-            n = np.arange(first, first + rows, dtype=np.int64)
-            zeros = np.zeros((rows, 3))
-            zeros[:, 0] = n
-            yield lf.Imu(n * 1000, zeros, zeros)
+        yield from self.ready
 
 
 class ImuBlockSink(lf.Node):
