@@ -13,7 +13,7 @@ import split_toys
 import zenoh
 from certificates import Authority
 from command_line import CommandLine
-from test_split import free_port
+from processes import free_port
 from zenoh.handlers import FifoChannel
 
 from lodeflow.transport.session import close_session, open_session

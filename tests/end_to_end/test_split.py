@@ -12,6 +12,7 @@ import pytest
 import split_toys
 from command_line import CommandLine
 from processes import children, free_port, gone, wait_for_recording
+from readers import records
 
 ALL = ("one", "graph", "split")
 DISPLAY = """\
@@ -172,8 +173,9 @@ def test_hosts_with_other_options_refuse_each_other(
 
 @pytest.mark.parametrize("stopped", ["here", "there"])
 def test_ctrl_c_on_one_host_ends_the_other_too(toy: CommandLine, stopped: str) -> None:
+    """And all that the sources have sent by then arrives."""
     ports = [free_port(), free_port()]
-    run = ("run", "toy.yaml", "--realtime", "--record", "hosts.mcap")
+    run = ("run", "toy.yaml", "--realtime", "--record", "hosts.mcap", "--json")
     hosts = {
         "here": toy.start(
             *(*run, "--only", "ends,recorder", "--listen", f"ends=tcp/127.0.0.1:{ports[0]}"),
@@ -187,10 +189,14 @@ def test_ctrl_c_on_one_host_ends_the_other_too(toy: CommandLine, stopped: str) -
     wait_for_recording(toy.folder / "hosts.mcap")
     time.sleep(0.5)
     hosts[stopped].send_signal(signal.SIGINT)
-    for process in hosts.values():
-        process.communicate(timeout=20)
-    assert hosts[stopped].returncode == 130
-    toy("info", "hosts.mcap")
+    said = {name: process.communicate(timeout=20) for name, process in hosts.items()}
+    assert hosts[stopped].returncode == 130, said[stopped]
+    sent = json.loads(said["there"][0])["streams"]
+    assert sent["ticks"] == sent["double"] > 0
+    there = {f"/{name}": count for name, count in sent.items()}
+    kept = {topic: len(rows) for topic, rows in records(toy.folder / "hosts.mcap").items()}
+    assert there.items() <= kept.items()
+    assert kept["/total"] == sent["ticks"]
 
 
 def test_unknown_groups_and_ambiguous_endpoints_are_told(toy: CommandLine) -> None:

@@ -108,10 +108,14 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
                 continue  # the supervisor says what follows
             group = setup.graph.processes.get(peer)
             if group is not None and group.on_crash == "continue":
-                links.gone(peer)
+                if not links.by_name[peer].stops:  # it may still send what it has
+                    links.gone(peer)
             elif not engine.stopping.is_set():
-                logging.getLogger("lodeflow").warning("group '%s' has left: ending", peer)
+                what = "has been stopped" if links.by_name[peer].stops else "has left"
+                logging.getLogger("lodeflow").warning("group '%s' %s: ending", peer, what)
                 engine.stop()
+        if engine.stopping.is_set():
+            links.say_stop(setup.far(name))
 
     engine = Engine(
         plan,

@@ -71,6 +71,8 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         while notes:
             _note(recorder, reports, *notes.popleft())
         answers.tend()
+        if stopping.is_set():
+            links.say_stop(setup.far(RECORDER))
         links.flush()
         recorder.keep_up(recorder.reached)
 

@@ -78,6 +78,10 @@ class Setup:
         """Names of all groups, in one order on all hosts."""
         return list(self.parts)
 
+    def far(self, name: str) -> list[str]:
+        """Return the groups on other hosts that a group has a link to."""
+        return [peer for peer in self.parts[name].peers if peer not in self.here]
+
 
 @dataclass
 class Report:

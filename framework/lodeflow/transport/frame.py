@@ -16,6 +16,8 @@ ACK = 2
 """All before this number has been taken; not in sequence."""
 AGAIN = 3
 """Likewise, and send again from the number in `bound` on; not in sequence."""
+STOP = 4
+"""I have been told to stop, and my host with me; not in sequence."""
 NOTE = 5
 """A text for the recorder: a log record, a loss, a change, a report."""
 BYE = 6

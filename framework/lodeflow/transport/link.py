@@ -80,6 +80,7 @@ class Link:
         departed: the other side has nothing more to send, and everything from here.
         closed: the other group is gone for good.
         gone: the other side has said so itself, with some of its frames not taken.
+        stops: the other side has been told to stop.
         restarts: how often the other side began anew.
         refused: digest of another graph, if that is what the other side runs.
     """
@@ -99,7 +100,7 @@ class Link:
         self.latest = latest
         self.ready = False
         self.joined = self.peer_ready = self.departed = self.closed = False
-        self.gone = False
+        self.gone = self.stops = False
         self.restarts = 0
         self.refused: bytes | None = None
         self.arrived: deque[Frame] = deque()
@@ -182,6 +183,9 @@ class Link:
         if frame.kind == frames.GONE:
             self.gone = True
             return
+        if frame.kind == frames.STOP:
+            self.stops = True
+            return
         number = frame.sequence & COUNT_MASK
         if number == self._expected:
             self._expected += 1
@@ -243,6 +247,10 @@ class Link:
     def say_end(self) -> None:
         """Tell the other side that all is done here, or that what it has not taken is lost."""
         self._say(frames.GONE if self.owes else frames.BYE, 0)
+
+    def say_stop(self) -> None:
+        """Tell the other side that this one has been told to stop."""
+        self._say(frames.STOP, 0)
 
     def close(self) -> None:
         """Forget a group that is gone for good."""

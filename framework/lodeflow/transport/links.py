@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import zenoh
@@ -127,7 +127,8 @@ class Links:
         self._on_note = on_note
         self._attend = attend
         self._bound: Callable[[Wire], int] = lambda wire: NEVER
-        self._departed: set[Link] = set()
+        self._leaving: set[Link] = set()
+        self._said_stop = 0.0
         self.ready: deque[Arrival] = deque()
         self._notes: deque[str] = deque()
         me_key = keys.link(graph.name, part.name, part.name)
@@ -287,15 +288,26 @@ class Links:
             link.send(frames.NOTE, 0, 0, 0, 0, text.encode())
 
     def left_early(self) -> set[str]:
-        """Return the groups that have left although streams which they read have not ended."""
-        if not self._departed:
+        """Return the groups that stop, or have left, although streams have not ended."""
+        if not self._leaving:
             return set()
         return {
             link.peer
-            for link in self._departed
+            for link in self._leaving
             if not link.closed
-            and any(link in outlet.readers and outlet.bound < END for outlet in self._outlets)
+            and (
+                link.stops
+                or any(link in outlet.readers and outlet.bound < END for outlet in self._outlets)
+            )
         }
+
+    def say_stop(self, groups: Iterable[str]) -> None:
+        """Tell groups now and then that this one has been told to stop."""
+        now = monotonic()
+        if now - self._said_stop >= HELLO_EVERY:  # again and again: a frame may be lost
+            self._said_stop = now
+            for group in groups:
+                self.by_name[group].say_stop()
 
     def later(self, text: str) -> None:
         """Send a text to the recorder at the next flush; safe in any thread."""
@@ -357,8 +369,8 @@ class Links:
         else:
             before = link.restarts
             link.receive(frame, now)
-            if link.departed:
-                self._departed.add(link)
+            if link.departed or link.stops:
+                self._leaving.add(link)
             if link.restarts > before:
                 self._restarted(link.peer)
             if link.gone:

@@ -228,6 +228,19 @@ def test_who_leaves_with_things_unsaid_says_so() -> None:
     assert network.ends["b"].gone
 
 
+def test_who_is_told_to_stop_says_so_and_still_takes_what_comes() -> None:
+    network = Network(random.Random(1))
+    network.join()
+    a, b = network.ends["a"], network.ends["b"]
+    b.say_stop()
+    network.move()
+    assert a.stops
+    assert not (b.stops or a.departed or a.gone)
+    send(a, "late")
+    network.move()
+    assert taken(b, network.now) == ["late"]
+
+
 @pytest.mark.parametrize(("one", "other"), [(2, 1), (5, 2**24 - 3)])
 def test_incarnations_wrap(one: int, other: int) -> None:
     assert newer(one, other)
