@@ -302,14 +302,19 @@ def _by_stamp(batch: Batch) -> Iterator[tuple[int, list[tuple[int, Any]]]]:
     """Yield (stamp, messages) of a batch in the order of stamps."""
     if not batch.blocks:
         return
-    if len(batch.blocks) == 1:
-        ((port, block),) = batch.blocks
+    t = batch.blocks[0][1].t
+    if type(t) is int and all(type(m.t) is int and m.t == t for _, m in batch.blocks):
+        yield t, batch.blocks  # samples, of a live source
+        return
+    blocks = [(port, m if m.is_block else m.as_block()) for port, m in batch.blocks]
+    if len(blocks) == 1:
+        ((port, block),) = blocks
         for index, t in enumerate(block.t.tolist()):
             yield t, [(port, block.row(index))]
         return
-    for t in np.unique(np.concatenate([block.t for _, block in batch.blocks])).tolist():
+    for t in np.unique(np.concatenate([block.t for _, block in blocks])).tolist():
         found = []
-        for port, block in batch.blocks:
+        for port, block in blocks:
             index = int(np.searchsorted(block.t, t))
             if index < len(block.t) and block.t[index] == t:
                 found.append((port, block.row(index)))

@@ -24,7 +24,10 @@ INBOX_SIZE = 10_000
 
 def _cut(batch: Batch, until: int) -> Batch:
     """Return what of a batch lies before `until`; the end, if nothing more can."""
-    blocks = [(index, block[: np.searchsorted(block.t, until)]) for index, block in batch.blocks]
+    if until == END:
+        return batch
+    blocks = [(index, m if m.is_block else m.as_block()) for index, m in batch.blocks]
+    blocks = [(index, block[: np.searchsorted(block.t, until)]) for index, block in blocks]
     bound = END if batch.bound >= until else batch.bound
     return Batch([(index, block) for index, block in blocks if len(block)], bound)
 

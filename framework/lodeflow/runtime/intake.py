@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +37,10 @@ class Lost(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """What may enter the graph: blocks as (port index, block), then a bound on all ports."""
+    """What may enter the graph: messages as (port index, message), then a bound on all ports.
+
+    They are blocks; of a live source samples too, which it usually has.
+    """
 
     blocks: list[tuple[int, Any]]
     bound: int
@@ -76,6 +80,10 @@ class Intake:
         blocks = []
         reached = self.floor
         for index, message in given:
+            if self.live and not message.is_block and self._is_clean(index, message):
+                blocks.append((index, message))
+                self.last[index] = message.t
+                continue
             block = self._clean(index, message if message.is_block else message.as_block())
             if len(block):
                 blocks.append((index, block))
@@ -96,6 +104,18 @@ class Intake:
                 f"stamp {first if first < FIRST_STAMP else last} is outside the range of ROS time "
                 "(1901 to 2038, nanoseconds since 1970)",
             )
+
+    def _is_clean(self, index: int, sample: Any) -> bool:
+        """Whether a live sample may enter as it is; if unsure, False."""
+        if sample.t < self.floor or sample.t <= self.last[index]:
+            return False
+        if not self.fed:
+            for field, value in zip(sample.fields, sample.values(), strict=True):
+                if field.integer or field.gaps:
+                    continue
+                if not (np.isfinite(value).all() if field.shape else math.isfinite(value)):
+                    return False
+        return True
 
     def _clean(self, index: int, block: Any) -> Any:
         finite = None if self.fed else finite_rows(block)

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from feeding import Rows, any_rows, by_definition, cut, planned
 from hypothesis import given, settings
@@ -17,6 +18,7 @@ import lodeflow as lf
 from lodeflow.clock import SimClock
 from lodeflow.errors import ContractError, NodeFailure
 from lodeflow.runtime import feed as feeds
+from lodeflow.runtime.engine import _by_stamp
 from lodeflow.runtime.feed import LiveFeed
 from lodeflow.runtime.intake import Intake, max_delay
 from lodeflow.sync import END
@@ -36,6 +38,10 @@ def finish(feed: LiveFeed) -> None:
     feed.thread.join()
     awake: Any = feed.wake
     assert awake.__self__.is_set()
+
+
+def drained_stamps(feed: LiveFeed) -> list[int]:
+    return [m.t for batch in feed.drain() for _, m in batch.blocks]
 
 
 def drained(feed: LiveFeed) -> tuple[Rows, int]:
@@ -103,6 +109,47 @@ def test_ports_of_a_live_source_do_not_wait_for_each_other() -> None:
     feed.inbox.extend([Pair(Reading(8, 1.0), None), Pair(None, Reading(3, 2.0))])
     assert drained(feed)[0] == [(8, 1.0), (3, 2.0)]
     assert feed.node.counters.lost == {}
+
+
+def test_samples_of_one_moment_go_on_together_and_others_by_their_stamps() -> None:
+    feed, _ = live(pair=True, delay=1000)
+    feed.inbox.extend(
+        [Pair(Reading(4, 1.0), Reading(4, 2.0)), Pair(Reading(9, 3.0), Reading(7, 4.0))]
+    )
+    found = [
+        (t, [(port, sample.t, sample.x) for port, sample in messages])
+        for batch in feed.drain()
+        for t, messages in _by_stamp(batch)
+    ]
+    assert found == [
+        (4, [(0, 4, 1.0), (1, 4, 2.0)]),
+        (7, [(1, 7, 4.0)]),
+        (9, [(0, 9, 3.0)]),
+    ]
+
+
+def test_a_live_source_ends_where_the_run_does() -> None:
+    feed, _ = live(delay=1000)
+    feed.until = 6
+    feed.inbox.extend([Reading(5, 1.0), Reading(6, 2.0), Reading(7, 3.0)])
+    assert drained(feed)[0] == [(5, 1.0)]
+
+
+@pytest.mark.parametrize(
+    "odd", [[math.nan, 0.0, 0.0], [math.inf, -math.inf, 0.0], [0.0, 0.0, -math.inf]]
+)
+def test_an_array_of_a_live_sample_is_finite(odd: list[float]) -> None:
+    class Device(lf.Source):
+        max_delay = 1000
+
+        def read(self, clock: lf.Clock) -> Iterator[lf.MagneticField]:
+            yield lf.MagneticField(1, np.full(3, 1e308))
+            yield lf.MagneticField(2, np.array(odd))
+
+    feed = LiveFeed(planned(Device), SimClock(), threading.Event().set)
+    finish(feed)
+    assert drained_stamps(feed) == [1]
+    assert feed.node.counters.lost == {"nonfinite": 1}
 
 
 def test_what_does_not_fit_the_inbox_is_counted_as_overflow(

@@ -235,7 +235,7 @@ def test_who_is_told_to_stop_says_so_and_still_takes_what_comes() -> None:
     b.say_stop()
     network.move()
     assert a.stops
-    assert not (b.stops or a.departed or a.gone)
+    assert (b.stops, a.departed, a.gone) == (False, False, False)
     send(a, "late")
     network.move()
     assert taken(b, network.now) == ["late"]
