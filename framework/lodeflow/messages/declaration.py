@@ -9,7 +9,7 @@ from typing import Any, get_origin
 
 from lodeflow.errors import MessageError
 
-RESERVED = frozenset({"t", "self", "header", "row", "as_block", "values"})
+RESERVED = frozenset({"t", "self", "header", "row", "as_block", "values", "is_well_formed"})
 """Names that a message type has of itself, beside the attributes of its bases."""
 
 

@@ -83,6 +83,9 @@ class Message(metaclass=MessageMeta):
         def values(self) -> tuple[Any, ...]:
             """Return the fields in the order of their declaration, without `t`."""
 
+        def is_well_formed(self) -> bool:
+            """Whether a block's columns have type, shape and order; a quick look, True is sure."""
+
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"{type(self).__name__} is immutable; use replace({name}=...)")
 
@@ -324,11 +327,20 @@ def _generate(cls: type[Message]) -> None:
     )
     sets = "\n".join(f"    _set_{n}(self, {n})" for n in names)
     everything = "".join(f"self.{n}, " for n in cls.field_names)
+    looks = "".join(
+        f" and self.{f.name}.dtype is {column[f.name]}"
+        f" and self.{f.name}.shape == ({', '.join(['n', *map(str, f.shape), ''])})"
+        f" and self.{f.name}.flags.c_contiguous"
+        for f in cls.fields
+    )
     source = (
         f"def __init__(self, {', '.join(names)}):\n{sets}\n"
         f"def row(self, index):\n    return cls({row})\n"
         f"def as_block(self):\n    return cls({block})\n"
         f"def values(self):\n    return ({everything})\n"
+        "def is_well_formed(self):\n    try:\n        n = len(self.t)\n"
+        f"        return self.t.dtype is int64 and self.t.shape == (n,){looks}\n"
+        "    except (AttributeError, TypeError):\n        return False\n"
     )
     scope: dict[str, Any] = {
         "cls": cls,
@@ -338,6 +350,6 @@ def _generate(cls: type[Message]) -> None:
         **{f"_set_{n}": getattr(cls, n).__set__ for n in names},
     }
     exec(compile(source, f"<{cls.__name__}>", "exec"), scope)
-    for method in ("__init__", "row", "as_block", "values"):
+    for method in ("__init__", "row", "as_block", "values", "is_well_formed"):
         scope[method].__qualname__ = f"{cls.__qualname__}.{method}"
         setattr(cls, method, scope[method])

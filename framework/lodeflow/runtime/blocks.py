@@ -40,6 +40,10 @@ class Output:
         check_output(self.node, self.port, block)
         if not block.is_block:
             raise self.node.broken(self.port.name, "a block step must send blocks, got a sample")
+        self.pass_on(block, earliest)
+
+    def pass_on(self, block: Any, earliest: int = NEVER) -> None:
+        """Send a block whose form has been looked at."""
         if not len(block):
             return
         t = block.t
@@ -268,7 +272,7 @@ class BlockDriver:
         """Bring in blocks of a source, as (port index, block), and promise `bound` on its ports."""
         outputs = self.sources[source]
         for port, block in blocks:
-            outputs[port].send(block, NEVER)
+            outputs[port].pass_on(block)
         for output in outputs:
             output.promise(bound)
         self._settle()
@@ -277,7 +281,7 @@ class BlockDriver:
         """Bring in what came for one port of a node that runs elsewhere."""
         output = self.sources[source][port]
         if message is not None:
-            output.send(message if message.is_block else message.as_block(), NEVER)
+            output.pass_on(message if message.is_block else message.as_block())
         output.promise(bound)
         self._settle()
 

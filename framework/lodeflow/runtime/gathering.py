@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from typing import Any
 
-import numpy as np
-
 from lodeflow.clock import monotonic
 from lodeflow.errors import ContractError
 from lodeflow.runtime.intake import Batch, Intake
@@ -37,11 +35,13 @@ class Pile:
         self._since = 0.0
         lone = len(node.spec.outputs) == 1 and not node.spec.step_tuple
         self._kind = node.spec.outputs[0].type if lone and rows > 1 else None
-        self._forms = [(f.dtype, f.shape) for f in self._kind.fields] if self._kind else []
 
     def add(self, item: Any) -> bool:
-        """Take an item, if it is a block whose columns have the form that they should."""
-        if type(item) is not self._kind or not self._is_well_formed(item):
+        """Take an item, if it is a block whose columns have the form that they should.
+
+        Joining would hide it; the range of stamps and integers can be looked at later.
+        """
+        if type(item) is not self._kind or not item.is_well_formed():
             return False
         if not self._held:
             self._since = monotonic()
@@ -70,19 +70,6 @@ class Pile:
                 yield self._intake.take(item)
             raise
         yield batch
-
-    def _is_well_formed(self, block: Any) -> bool:
-        """What joining would hide: the range of stamps and integers can be looked at later."""
-        t = block.t
-        if type(t) is not np.ndarray or t.dtype != np.int64 or t.ndim != 1:
-            return False
-        n = len(t)
-        for (dtype, shape), column in zip(self._forms, block.values(), strict=True):
-            if type(column) is not np.ndarray or column.dtype != dtype:
-                return False
-            if column.shape != (n, *shape) or not column.flags.c_contiguous:
-                return False
-        return True
 
 
 def gathered(feed: Generator[Batch], rows: int = ROWS) -> Generator[Batch]:

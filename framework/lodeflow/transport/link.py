@@ -26,8 +26,9 @@ WINDOW_ROWS, FEW = 1 << 14, 8
 are to wait at the device, where they are counted when they overflow."""
 LATEST = 64
 """Frames, or records, on their way at most to who only watches: so far it can be behind."""
-ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 1 << 20, 0.02
-"""What is taken is acknowledged after so many frames, bytes, or seconds."""
+ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 256 << 10, 0.02
+"""What is taken is acknowledged after so many frames, bytes, or seconds: a small part of the window
+only, or its sender would stop and go."""
 HELLO_EVERY = 0.05
 SEND_AGAIN_AFTER, SEND_AGAIN_MOST = 0.2, 1.0
 """Seconds without an acknowledgement until the oldest frames are sent again; doubled each time."""

@@ -17,7 +17,7 @@ from lodeflow.transport.losses import LinkLosses
 from lodeflow.transport.session import Payload
 
 FRAME_BYTES = 256 << 10
-"""Size above which a block is cut into several frames."""
+"""Size of the frames, about, into which a larger block is cut."""
 
 
 class Outlet:
@@ -56,7 +56,8 @@ class Outlet:
                 self.bound = bound if not queue and bound > t else t + 1
                 self._hand(t, 1, layout.encode_sample(message))
                 continue
-            rows = max(1, FRAME_BYTES // layout.size)
+            pieces = max(1, round(len(message) * layout.size / FRAME_BYTES))
+            rows = -(-len(message) // pieces)  # alike, for a small last one costs as much
             for at in range(0, len(message), rows):
                 piece = message[at : at + rows] if len(message) > rows else message
                 last = not queue and at + rows >= len(message)

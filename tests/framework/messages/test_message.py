@@ -38,6 +38,42 @@ def test_a_sample_and_a_block() -> None:
         sample[0]
 
 
+@each_type
+@given(data=st.data())
+@SETTINGS
+def test_a_block_that_looks_well_formed_is(kind: type[Message], data: Any) -> None:
+    block = data.draw(oracle.blocks(kind))
+    assert block.is_well_formed()
+    block.validate()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lf.MagneticField(7, np.ones(3)),
+        lf.MagneticField(np.arange(4), np.ones((3, 3))),
+        lf.MagneticField(np.arange(4), np.ones((4, 2))),
+        lf.MagneticField(np.arange(4), np.ones((4, 3), dtype=np.float32)),
+        lf.MagneticField(np.arange(4), np.ones((4, 3), order="F")),
+        lf.MagneticField(np.arange(4), np.ones((8, 3))[::2]),
+        lf.MagneticField(np.arange(4), [[1.0] * 3] * 4),
+        lf.MagneticField(np.arange(4), None),
+        lf.MagneticField(np.arange(4, dtype=np.int32), np.ones((4, 3))),
+        lf.MagneticField(np.arange(4.0), np.ones((4, 3))),
+        lf.MagneticField(np.zeros((4, 1), dtype=np.int64), np.ones((4, 3))),
+        lf.MagneticField(np.array(4), np.ones((4, 3))),
+        lf.Heading(np.arange(4), np.ones((4, 1))),
+        lf.Mode(np.arange(4), np.ones(4)),
+    ],
+    ids=lambda wrong: type(wrong).__name__,
+)
+def test_a_block_that_is_not_does_not_look_so(wrong: Message) -> None:
+    assert not wrong.is_well_formed()
+    if wrong.is_block:
+        with pytest.raises(MessageError):
+            wrong.validate()
+
+
 def test_a_message_is_built_by_position_or_name() -> None:
     assert lf.EulerAngles(1, 2.0, 3.0, 4.0) == lf.EulerAngles(t=1, roll=4.0, pitch=3.0, heading=2.0)
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'roll'"):

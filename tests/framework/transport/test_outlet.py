@@ -56,13 +56,17 @@ def test_samples_that_wait_go_as_one_frame() -> None:
     assert [sent[:3] for sent in reader.sent] == [(1, 9, 3), (12, 13, 1), (0, 20, 0)]
 
 
-def test_a_long_block_goes_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_block_goes_in_pieces_that_are_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     reader = Reader(latest=False, window=99)
     outlet = outlet_to(reader)
     monkeypatch.setattr(outlet_module, "FRAME_BYTES", 2 * outlet.layout.size)
     outlet.queue.append(rates(1, 2, 5, 7, 9))
     outlet.send(50)
-    assert [sent[:3] for sent in reader.sent] == [(1, 3, 2), (5, 8, 2), (9, 50, 1)]
+    assert [sent[:3] for sent in reader.sent] == [(1, 6, 3), (7, 50, 2)]
+    outlet.queue.append(rates(51, 52, 53))  # hardly too long
+    outlet.queue.append(rates(61, 62, 63, 64, 65, 66, 67))
+    outlet.send(90)
+    assert [sent[2] for sent in reader.sent[2:]] == [2, 1, 2, 2, 2, 1]
 
 
 def test_who_only_watches_misses_what_it_is_too_slow_for_but_not_the_end() -> None:
