@@ -54,7 +54,7 @@ def _measures() -> list[Measure]:
     )
     found.append(Measure("messages", f"{IMU} B", Task(IMU, FLOW), "rate", "1/s", "imu samples"))
     for size, name, graph in ((PACKET, "64 B records", "blocks"), (IMU, "Imu", "imu")):
-        task = Task(size * ROWS, 1_000_000, rows=ROWS)
+        task = Task(size * ROWS, 3_000_000, rows=ROWS)
         found.append(Measure("blocks", f"{name}, blocks of {ROWS}", task, "rate", "1/s", graph))
     chain = Task(64, 5000, 1000, relays=4)
     for figure, unit in (("p50", "us"), ("p99", "us"), ("cpu", "us")):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import logging
 import os
 import signal
@@ -19,6 +20,8 @@ from lodeflow.supervisor.setup import Pipe, Report
 
 LAST_WORDS = 1.3
 """Seconds between the end of a supervisor and that of a child that does not stop by itself."""
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
+"""Names of malloc.h."""
 
 Work = Callable[[Callable[[Any], None], "deque[Any]", list[Any]], Report]
 """Runs a group: tells the supervisor, gets orders, gives what wakes it; returns its report."""
@@ -86,7 +89,20 @@ class Child:
             os.close(descriptor)
 
 
+def _keep_memory() -> None:
+    """Let glibc keep freed memory of the size of frames and columns.
+
+    By default it gives such pieces back to the kernel at once, and gets them again page by page,
+    which costs links with large frames a fifth of their rate.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(M_MMAP_THRESHOLD, 4 << 20)
+        mallopt(M_TRIM_THRESHOLD, 64 << 20)
+
+
 def _run(pipe: Pipe, work: Work) -> int:
+    _keep_memory()
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor hears Ctrl-C, and asks us
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
