@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
 import time
 from typing import Any
 
@@ -171,12 +172,11 @@ def test_hosts_with_other_options_refuse_each_other(
         assert "start all groups with the same file and options (--arg, --set, --swap," in errors
 
 
-@pytest.mark.parametrize("stopped", ["here", "there"])
-def test_ctrl_c_on_one_host_ends_the_other_too(toy: CommandLine, stopped: str) -> None:
-    """And all that the sources have sent by then arrives."""
+def two_hosts(toy: CommandLine, *options: str) -> dict[str, subprocess.Popen[str]]:
+    """Start the graph: on the first host what reads and records, on the second what sends."""
     ports = [free_port(), free_port()]
-    run = ("run", "toy.yaml", "--realtime", "--record", "hosts.mcap", "--json")
-    hosts = {
+    run = ("run", "toy.yaml", "--realtime", "--record", "hosts.mcap", "--json", *options)
+    started = {
         "here": toy.start(
             *(*run, "--only", "ends,recorder", "--listen", f"ends=tcp/127.0.0.1:{ports[0]}"),
             *("--listen", f"recorder=tcp/127.0.0.1:{ports[1]}"),
@@ -188,6 +188,13 @@ def test_ctrl_c_on_one_host_ends_the_other_too(toy: CommandLine, stopped: str) -
     }
     wait_for_recording(toy.folder / "hosts.mcap")
     time.sleep(0.5)
+    return started
+
+
+@pytest.mark.parametrize("stopped", ["here", "there"])
+def test_ctrl_c_on_one_host_ends_the_other_too(toy: CommandLine, stopped: str) -> None:
+    """And all that the sources have sent by then arrives."""
+    hosts = two_hosts(toy)
     hosts[stopped].send_signal(signal.SIGINT)
     said = {name: process.communicate(timeout=20) for name, process in hosts.items()}
     assert hosts[stopped].returncode == 130, said[stopped]
@@ -197,6 +204,18 @@ def test_ctrl_c_on_one_host_ends_the_other_too(toy: CommandLine, stopped: str) -
     kept = {topic: len(rows) for topic, rows in records(toy.folder / "hosts.mcap").items()}
     assert there.items() <= kept.items()
     assert kept["/total"] == sent["ticks"]
+
+
+def test_who_is_interrupted_leaves_nobody_waiting(toy: CommandLine) -> None:
+    """A node that does not come back: its streams have no end, and the other host hears so."""
+    hosts = two_hosts(toy, "--set", "double.sleep=30")
+    hosts["there"].send_signal(signal.SIGINT)
+    said = {name: process.communicate(timeout=20) for name, process in hosts.items()}
+    told = summary(said["here"][0])
+    assert hosts["here"].returncode == 1, said["here"]
+    assert not told["lossless"]
+    assert told["links"]["ends"]["gains"]["gaps"] == 2
+    toy("info", "hosts.mcap")
 
 
 def test_unknown_groups_and_ambiguous_endpoints_are_told(toy: CommandLine) -> None:

@@ -27,6 +27,9 @@ WAKE = 7
 GONE = 8
 """I end with things unsaid, and will not come back; not in sequence."""
 
+PROBE = 9
+"""What have you got? All before the number in `bound` was sent; not in sequence."""
+
 KIND_BITS, GROUP_BITS = 4, 10
 STREAM_SHIFT = KIND_BITS + GROUP_BITS
 COUNT_BITS = 40

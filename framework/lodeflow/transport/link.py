@@ -30,10 +30,11 @@ ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 256 << 10, 0.02
 """What is taken is acknowledged after so many frames, bytes, or seconds: a small part of the window
 only, or its sender would stop and go."""
 HELLO_EVERY = 0.05
-SEND_AGAIN_AFTER, SEND_AGAIN_MOST = 0.2, 1.0
-"""Seconds without an acknowledgement until the oldest frames are sent again; doubled each time."""
-AGAIN_FRAMES, AGAIN_BYTES = 32, 1 << 20
-"""How much of them: the other side may only be slow."""
+PROBE_AFTER, PROBE_MOST = 0.2, 1.0
+"""Seconds without an acknowledgement until the other side is asked what it has; doubled each time.
+It may only be slow, so nothing is sent again unasked."""
+AGAIN_FRAMES, AGAIN_BYTES = 256, 4 << 20
+"""How much is sent again at once; the other side then says what it has."""
 
 _HELLO = struct.Struct("<QQQB16s")
 
@@ -116,7 +117,7 @@ class Link:
         self._unacked: deque[tuple[int, bytes, Payload, int]] = deque()
         self._bytes = self._rows = 0
         self._progress = 0.0
-        self._patience = SEND_AGAIN_AFTER
+        self._patience = PROBE_AFTER
         self._greeted = 0.0
         self._knows = False
         self.sent_again = 0
@@ -178,6 +179,13 @@ class Link:
             if frame.kind == frames.AGAIN:
                 self._send_again(now, since=frame.bound)
             return
+        if frame.kind == frames.PROBE:
+            # Frames come in the order in which they were sent: what is not here now was lost.
+            if frame.bound > self._expected:
+                self._ask(now)
+            else:
+                self._say(frames.ACK, self._done)
+            return
         if frame.kind == frames.BYE:
             self.departed = True
             return
@@ -192,9 +200,7 @@ class Link:
             self._expected += 1
             self.arrived.append(frame)
         elif number > self._expected:
-            if self._asked[0] != self._expected or now - self._asked[1] > HELLO_EVERY:
-                self._asked = (self._expected, now)
-                self._say(frames.AGAIN, self._done, self._expected)
+            self._ask(now)
         else:  # it came twice: the acknowledgement may have been lost
             self._taken_since = self._taken_since or now
             self._taken = max(self._taken, 1)
@@ -233,9 +239,9 @@ class Link:
         elif not self._unacked:
             self._progress = now
         elif now - self._progress >= self._patience:
-            self._patience = min(2 * self._patience, SEND_AGAIN_MOST)
+            self._patience = min(2 * self._patience, PROBE_MOST)
             self._progress = now
-            self._send_again(now, AGAIN_FRAMES, AGAIN_BYTES)
+            self._say(frames.PROBE, 0, self._next)
 
     def greet(self, now: float) -> None:
         """Tell the other side what it may not know yet."""
@@ -245,9 +251,13 @@ class Link:
         hello = _HELLO.pack(self.incarnation, self._theirs, base, state, self.graph)
         put(self.publisher, hello, attach(0, 0, 0, 0, frames.HELLO, self.index, 0))
 
-    def say_end(self) -> None:
-        """Tell the other side that all is done here, or that what it has not taken is lost."""
-        self._say(frames.GONE if self.owes else frames.BYE, 0)
+    def say_end(self, *, whole: bool) -> None:
+        """Tell the other side that all is done here, or that what it still waits for is lost.
+
+        Args:
+            whole: all streams that it reads have ended.
+        """
+        self._say(frames.BYE if whole and not self.owes else frames.GONE, 0)
 
     def say_stop(self) -> None:
         """Tell the other side that this one has been told to stop."""
@@ -259,6 +269,12 @@ class Link:
         self._unacked.clear()
         self.arrived.clear()
         self._bytes = self._rows = 0
+
+    def _ask(self, now: float) -> None:
+        """Ask for what was lost, but not with each frame that comes behind it."""
+        if self._asked[0] != self._expected or now - self._asked[1] > HELLO_EVERY:
+            self._asked = (self._expected, now)
+            self._say(frames.AGAIN, self._done, self._expected)
 
     def _say(self, kind: int, done: int, missing: int = 0) -> None:
         sequence = self.incarnation << COUNT_BITS
@@ -302,16 +318,17 @@ class Link:
             self._bytes -= len(payload)
             self._rows -= rows
             self._progress = now
-            self._patience = SEND_AGAIN_AFTER
+            self._patience = PROBE_AFTER
 
-    def _send_again(
-        self, now: float, most: int = WINDOW, size: float = float("inf"), since: int = 0
-    ) -> None:
-        """Send the oldest frames again: so many from a number on, no more after so many bytes."""
+    def _send_again(self, now: float, since: int = 0) -> None:
+        """Send frames from a number on again, as many as is reasonable at once."""
         self._progress = now
-        for _, attachment, payload, _ in [one for one in self._unacked if one[0] >= since][:most]:
+        lost = [one for one in self._unacked if one[0] >= since]
+        size = 0
+        for count, (_, attachment, payload, _) in enumerate(lost):
+            if count == AGAIN_FRAMES or size >= AGAIN_BYTES:
+                self._say(frames.PROBE, 0, self._next)  # the answer asks for the rest
+                return
+            size += len(payload)
             self.sent_again += 1
             put(self.publisher, payload, attachment)
-            size -= len(payload)
-            if size <= 0:
-                break

@@ -268,7 +268,7 @@ class Links:
             self.wait(HELLO_EVERY)
         for link in self.links.values():
             link.tend(now, at_once=True)
-            link.say_end()
+            link.say_end(whole=self._is_whole(link))
         until = min(until, monotonic() + LINGER)
         while (now := monotonic()) < until:
             left = [x for x in self.links.values() if not (x.departed or x.closed)]
@@ -277,7 +277,7 @@ class Links:
             self._drain(now)
             for link in left:
                 link.tend(now, at_once=True)
-                link.say_end()  # the one before may be lost
+                link.say_end(whole=self._is_whole(link))  # the one before may be lost
             self.wait(HELLO_EVERY)
         return sum(link.owes for link in self.links.values())
 
@@ -294,11 +294,7 @@ class Links:
         return {
             link.peer
             for link in self._leaving
-            if not link.closed
-            and (
-                link.stops
-                or any(link in outlet.readers and outlet.bound < END for outlet in self._outlets)
-            )
+            if not link.closed and (link.stops or not self._is_whole(link))
         }
 
     def say_stop(self, groups: Iterable[str]) -> None:
@@ -337,6 +333,10 @@ class Links:
         self._ticker.close()
 
     # ---- inside ------------------------------------------------------------------------------
+
+    def _is_whole(self, link: Link) -> bool:
+        """Whether all streams that another group reads have ended."""
+        return all(outlet.bound == END for outlet in self._outlets if link in outlet.readers)
 
     def _takeable(self) -> list[Link]:
         """Return the links with frames that may be worked on now."""

@@ -213,19 +213,53 @@ def test_who_has_left_wants_nothing_more() -> None:
     network.move()
     taken(b, network.now)
     assert a.owes == 1
-    b.say_end()
+    b.say_end(whole=True)
     network.move(0.0)
     assert (a.waiting, a.owes) == (1, 0)
     assert not a.gone
 
 
-def test_who_leaves_with_things_unsaid_says_so() -> None:
+@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("owes", [True, False])
+def test_who_leaves_with_things_unsaid_says_so(owes: bool, whole: bool) -> None:
     network = Network(random.Random(1))
     network.join()
-    send(network.ends["a"], "unsaid")
-    network.ends["a"].say_end()
+    a, b = network.ends["a"], network.ends["b"]
+    if owes:
+        send(a, "unsaid")
+    a.say_end(whole=whole)
     network.move()
-    assert network.ends["b"].gone
+    assert b.gone == (owes or not whole)
+    assert b.departed == (whole and not owes)
+
+
+def test_a_slow_reader_is_asked_and_nothing_is_sent_twice() -> None:
+    network = Network(random.Random(1))
+    network.join()
+    a, b = network.ends["a"], network.ends["b"]
+    for number in range(400):
+        send(a, str(number))
+    for _ in range(100):  # ten seconds in which it takes nothing
+        network.move(0.1)
+    assert a.sent_again == 0
+    assert taken(b, network.now) == [str(number) for number in range(400)]
+
+
+def test_all_that_a_cut_has_lost_is_sent_again_at_once() -> None:
+    network = Network(random.Random(1))
+    network.join()
+    a, b = network.ends["a"], network.ends["b"]
+    network.loss = 1.0
+    for number in range(1000):
+        send(a, str(number))
+        network.move(0.001)
+    network.loss = 0.0
+    found: list[str] = []
+    for _ in range(40):  # more than the longest wait, and a few ways there and back
+        network.move(0.05)
+        found += taken(b, network.now)
+    assert found == [str(number) for number in range(1000)]
+    assert 1000 <= a.sent_again < 2000  # this network doubles what it carries, now and then
 
 
 def test_who_is_told_to_stop_says_so_and_still_takes_what_comes() -> None:
