@@ -37,8 +37,8 @@ PATIENCE = 5.0
 LINGER = 20.0
 """Seconds that a group which is done waits for the others to have heard so, while they listen.
 
-After a cut, one direction of a connection may stay silent for many seconds more than the other; who
-left at once would leave the other side without an acknowledgement for ever.
+The last acknowledgement may be lost, with a cable that is cut: who left at once would leave the
+other side without it for ever.
 """
 
 
