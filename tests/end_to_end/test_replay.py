@@ -9,7 +9,6 @@ import signal
 import time
 from pathlib import Path
 
-import every_graph
 import numpy as np
 import pytest
 import yaml
@@ -62,18 +61,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def recorded(quick: InProcess, recording: Path) -> CommandLine:
     shutil.copy(recording, quick.folder)
     return quick
-
-
-@pytest.mark.parametrize("name", every_graph.NAMES)
-def test_check_passes_on_every_graph(quick: InProcess, name: str) -> None:
-    run = ["run", *every_graph.prepared(name, quick), "--record", "rec.mcap"]
-    # This process has had Zenoh sessions, and cannot be forked any more.
-    quick(*run, "--processes", "one")
-    for speed in ([], ["--speed", "1e6"]):
-        done = quick("replay", "rec.mcap", "--check", *speed)
-        assert "equal to the byte" in done.stdout
-        assert "differs" not in done.stdout
-    assert not (quick.folder / "recordings").exists()
 
 
 def test_check_passes_on_a_paced_run_with_a_duration(quick: InProcess, graphs: Path) -> None:
