@@ -224,7 +224,7 @@ class Engine:
         """Bring in what is due, for no longer than `BURST`; return the seconds until more is."""
         until = monotonic() + BURST
         limit = NEVER
-        for _ in range(BURST_STAMPS):
+        for count in range(BURST_STAMPS):
             if not files:
                 return TICK
             due = files[0] if len(files) == 1 else min(files, key=lambda feed: feed.t)
@@ -233,12 +233,14 @@ class Engine:
                 if wait > 0:
                     return wait
                 limit = pacer.reached()
+            if count:
+                self.watch(self.reached)  # as between any two stamps
+                if self.stopping.is_set() or monotonic() > until:
+                    break
             self._saw(due.t, due.t)
             due.push(driver)
             if due.t == END:
                 files.remove(due)
-            if self.stopping.is_set() or monotonic() > until:
-                break
         return 0.0 if files else TICK
 
     def _end_sources(self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed]) -> None:

@@ -191,7 +191,8 @@ def _close(
     links.note(json.dumps({"report": as_summary(setup, report).as_dict()}))
     tell(report)  # now, because whoever does not take the rest may take too long
     patience = 0.6 if report.stopped or report.error else None
-    left = links.farewell(patience)
+    # One that may be started again is not gone; if it is not, its supervisor says so.
+    left = links.farewell(patience, silent=bool(report.error) and group.restart != "never")
     if left and report.stopped:
         report.lossless = report.lossless and group.allow_gaps
         logging.getLogger("lodeflow").warning("%d frames could not be handed over in time", left)

@@ -252,11 +252,12 @@ class Links:
             self.wait(HELLO_EVERY / 2)
         return False
 
-    def farewell(self, patience: float | None = None) -> int:
+    def farewell(self, patience: float | None = None, *, silent: bool = False) -> int:
         """Wait until all that was sent is taken; return how many frames were not.
 
         Args:
             patience: seconds to wait at most; None for as long as it takes.
+            silent: do not say that this is the end.
         """
         self.flush()
         self._runs = False
@@ -266,6 +267,8 @@ class Links:
             for link in self.links.values():
                 link.tend(now)
             self.wait(HELLO_EVERY)
+        if silent:
+            return sum(link.owes for link in self.links.values())
         for link in self.links.values():
             link.tend(now, at_once=True)
             link.say_end(whole=self._is_whole(link))
