@@ -333,7 +333,7 @@ def _check_source(plugin: type[Source], params: Mapping[str, Any] | None, durati
             plan.start()
             sent: dict[int, list[Any]] = {}
             for batch in feeds([planned], SimClock(), duration)[planned.name]:
-                for index, block in batch.blocks:
+                for index, block in batch.messages:
                     sent.setdefault(index, []).append(block)
             if planned.counters.lost:
                 raise _broken(

@@ -55,6 +55,8 @@ class StreamConstants:
         )
 
 
+_CODES = {"uint8": "B", "uint32": "I", "int64": "q"}
+"""Codes of struct and numpy for the integers of ROS; all else is a double, "d"."""
 PACKED_VALUES = 64
 """Values of a field up to which struct.pack is quicker than a copy of the array."""
 
@@ -71,8 +73,7 @@ class Layout:
         formats: dict[str, Any] = {"_sec": ("<i4", ()), "_nanosec": ("<u4", ())}
         offsets = [self.offsets["header.stamp.sec"], self.offsets["header.stamp.nanosec"]]
         for field in kind.fields:
-            wire = {"uint8": "u1", "uint32": "<u4", "int64": "<i8"}.get(field.ros, "<f8")
-            formats[field.name] = (wire, field.shape)
+            formats[field.name] = ("<" + _CODES.get(field.ros, "d"), field.shape)
             offsets.append(self.offsets[field.name])
         self.dtype = np.dtype(
             {
@@ -171,7 +172,7 @@ class Layout:
         floats: list[str] = []
         joined: list[str] = []
         for field in self.kind.fields:
-            code = {"uint8": "B", "uint32": "I", "int64": "q"}.get(field.ros, "d")
+            code = _CODES.get(field.ros, "d")
             value = f"m.{field.name}"
             if field.size > PACKED_VALUES:
                 joined.append(field.name)
@@ -182,7 +183,7 @@ class Layout:
             pieces.append((self.offsets[field.name], f"{count}{code}", value))
             if not field.integer:
                 floats.append(value)
-        scope: dict[str, Any] = {"isnan": math.isnan, "nan": math.nan, "fsum": sum}
+        scope: dict[str, Any] = {"isnan": math.isnan, "fsum": sum}
         scope |= {"slow": self._encode_unusual, "error": struct.error, "Refused": MessageError}
         scope |= {"plain": np.ascontiguousarray, "own": np.dtype("<f8")}
         packs: list[str] = []
@@ -244,8 +245,7 @@ class Layout:
                 flat = len(field.shape) == 1
                 arguments.append(array if flat else f"{array}.reshape({field.shape})")
             else:
-                code = {"uint8": "B", "uint32": "I", "int64": "q"}.get(field.ros, "d")
-                scalars[f"m_{field.name}"] = at, code
+                scalars[f"m_{field.name}"] = at, _CODES.get(field.ros, "d")
                 arguments.append(f"m_{field.name}")
         layout, end = "<", 0
         for at, code in sorted(scalars.values()):

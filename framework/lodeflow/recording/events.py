@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass
 
 from lodeflow.errors import RecordingError
-from lodeflow.messages.cdr import FIRST_STAMP, HEADER, LAST_STAMP
+from lodeflow.messages.cdr import HEADER, LAST_STAMP
 
 _TIME = "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
 
@@ -100,8 +100,8 @@ EVENT_TOPICS = frozenset(kind.topic for kind in EVENTS)
 
 
 def in_range(t: int) -> int:
-    """Return a stamp that ROS time can hold."""
-    return min(max(t, FIRST_STAMP), LAST_STAMP)
+    """Return a stamp that MCAP and ROS time can hold: 0 for what came before all messages."""
+    return min(max(t, 0), LAST_STAMP)
 
 
 def log_fields(record: logging.LogRecord) -> tuple[int, str, str, str, str, int]:

@@ -291,7 +291,7 @@ def _limited(node: GraphNode, counts: Sequence[int]) -> GraphNode:
         intake = Intake(PlanNode(node))  # what it drops was not counted as sent
         left = list(counts)
         for item in plugin.read(self, clock) if any(left) else ():
-            blocks = dict(intake.take(item).blocks)
+            blocks = dict(intake.take(item).messages)
             if any(len(block) > left[port] for port, block in blocks.items()):
                 last = [b[: left[i]] if (b := blocks.get(i)) else None for i in range(len(left))]
                 yield tuple(last) if plugin.spec.step_tuple else last[0]

@@ -137,11 +137,11 @@ class Engine:
                 name = min(reached, key=reached.__getitem__, default=None)
                 if name is not None and self._may_go_on(reached[name]):
                     batch = Batch([], END) if self.stopping.is_set() else next(sources[name])
-                    driver.push(name, batch.blocks, batch.bound)
+                    driver.push(name, batch.messages, batch.bound)
                     reached[name] = batch.bound
                     if batch.bound == END:
                         del reached[name]
-                    for _, block in batch.blocks:
+                    for _, block in batch.messages:
                         self._saw(int(block.t[0]), int(block.t[-1]))
                     moved = True
                 self.exchange.flush()
@@ -284,7 +284,7 @@ class _Paced:
             batch = next(self.batches)
             self.bound = batch.bound
             self.rows = _by_stamp(batch)
-            if not batch.blocks:
+            if not batch.messages:
                 driver.promise(self.node.name, batch.bound)
         driver.promise(self.node.name, self.t)
 
@@ -302,13 +302,13 @@ class _Paced:
 
 def _by_stamp(batch: Batch) -> Iterator[tuple[int, list[tuple[int, Any]]]]:
     """Yield (stamp, messages) of a batch in the order of stamps."""
-    if not batch.blocks:
+    if not batch.messages:
         return
-    t = batch.blocks[0][1].t
-    if type(t) is int and all(type(m.t) is int and m.t == t for _, m in batch.blocks):
-        yield t, batch.blocks  # samples, of a live source
+    t = batch.messages[0][1].t
+    if type(t) is int and all(type(m.t) is int and m.t == t for _, m in batch.messages):
+        yield t, batch.messages  # samples, of a live source
         return
-    blocks = [(port, m if m.is_block else m.as_block()) for port, m in batch.blocks]
+    blocks = [(port, m if m.is_block else m.as_block()) for port, m in batch.messages]
     if len(blocks) == 1:
         ((port, block),) = blocks
         for index, t in enumerate(block.t.tolist()):

@@ -26,7 +26,7 @@ def _cut(batch: Batch, until: int) -> Batch:
     """Return what of a batch lies before `until`; the end, if nothing more can."""
     if until == END:
         return batch
-    blocks = [(index, m if m.is_block else m.as_block()) for index, m in batch.blocks]
+    blocks = [(index, m if m.is_block else m.as_block()) for index, m in batch.messages]
     blocks = [(index, block[: np.searchsorted(block.t, until)]) for index, block in blocks]
     bound = END if batch.bound >= until else batch.bound
     return Batch([(index, block) for index, block in blocks if len(block)], bound)
@@ -86,7 +86,9 @@ def feeds(
     if duration is None:
         return found
     heads = {name: _head(feed) for name, feed in found.items()}
-    stamps = [block.t[0] for head in heads.values() for batch in head for _, block in batch.blocks]
+    stamps = [
+        block.t[0] for head in heads.values() for batch in head for _, block in batch.messages
+    ]
     until = int(min(stamps, default=0)) + duration
     return {name: _limited(heads[name], feed, until) for name, feed in found.items()}
 
@@ -96,7 +98,7 @@ def _head(feed: Iterator[Batch]) -> list[Batch]:
     head = []
     for batch in feed:
         head.append(batch)
-        if batch.blocks:
+        if batch.messages:
             break
     return head
 

@@ -80,7 +80,7 @@ def gathered(feed: Generator[Batch], rows: int = ROWS) -> Generator[Batch]:
     try:
         for batch in feed:
             held.append(batch)
-            for port, block in batch.blocks:
+            for port, block in batch.messages:
                 counts[port] = counts.get(port, 0) + len(block)
             if max(counts.values(), default=0) >= rows or monotonic() - since >= PATIENCE:
                 yield _joined(held)
@@ -101,7 +101,7 @@ def _joined(batches: list[Batch]) -> Batch:
         return batches[0]
     blocks: dict[int, list[Any]] = {}
     for batch in batches:
-        for port, block in batch.blocks:
+        for port, block in batch.messages:
             blocks.setdefault(port, []).append(block)
     joined = [(port, type(parts[0]).concat(parts)) for port, parts in sorted(blocks.items())]
     return Batch(joined, batches[-1].bound)

@@ -42,7 +42,7 @@ class Batch(NamedTuple):
     They are blocks; of a live source samples too, which it usually has.
     """
 
-    blocks: list[tuple[int, Any]]
+    messages: list[tuple[int, Any]]
     bound: int
 
 

@@ -124,7 +124,7 @@ def _note(recorder: Recorder, reports: dict[str, dict[str, Any]], group: str, te
         recorder.event(LOG, t, *fields)
     elif "gap" in told:
         gap = told["gap"]
-        t = max(in_range(gap["from"]), 0)  # of a stream that has not begun
+        t = in_range(gap["from"])
         recorder.event(GAP, t, gap["stream"], gap["sender"], gap["reader"], gap["from"], gap["to"])
     elif "change" in told:
         change = told["change"]

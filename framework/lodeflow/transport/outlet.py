@@ -57,7 +57,7 @@ class Outlet:
                 self._hand(t, 1, layout.encode_sample(message))
                 continue
             pieces = max(1, round(len(message) * layout.size / FRAME_BYTES))
-            rows = -(-len(message) // pieces)  # alike, for a small last one costs as much
+            rows = max(1, -(-len(message) // pieces))  # alike, for a small last one costs as much
             for at in range(0, len(message), rows):
                 piece = message[at : at + rows] if len(message) > rows else message
                 last = not queue and at + rows >= len(message)

@@ -32,7 +32,7 @@ def read(
     reached = None
     count = 0
     for batch in feeds.feeds([node], SimClock(), duration, most)[node.name]:
-        for index, one in batch.blocks:
+        for index, one in batch.messages:
             one.validate()
             assert len(one)
             assert reached is None or one.t[0] >= reached
@@ -197,7 +197,7 @@ def test_what_came_before_the_failure_has_entered() -> None:
     seen = []
     with pytest.raises(NodeFailure):
         seen.extend(batches(planned(source(ramp(2), ValueError())), SimClock()))
-    assert [rows([b]) for batch in seen for _, b in batch.blocks] == [[(0, 0.0), (1, 1.0)]]
+    assert [rows([b]) for batch in seen for _, b in batch.messages] == [[(0, 0.0), (1, 1.0)]]
 
 
 def test_read_may_return_any_iterable() -> None:
@@ -246,7 +246,7 @@ def test_the_duration_counts_from_the_first_stamp_of_all_sources() -> None:
         node.name = name
     found = feeds.feeds([early, late, silent], SimClock(), 6)
     stamps = {
-        name: [t for batch in feed for _, block in batch.blocks for t in block.t.tolist()]
+        name: [t for batch in feed for _, block in batch.messages for t in block.t.tolist()]
         for name, feed in found.items()
     }
     assert stamps == {"early": [0, 1, 2, 3, 4, 5], "late": [4, 5], "silent": []}

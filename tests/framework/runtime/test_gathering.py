@@ -21,7 +21,7 @@ from lodeflow.sync import END
 def gather(plugin: type[lf.Source], most: int) -> list[tuple[dict[int, list[int]], int]]:
     """Return the stamps of each port, and the bound, of each gathered batch."""
     return [
-        ({port: one.t.tolist() for port, one in batch.blocks}, batch.bound)
+        ({port: one.t.tolist() for port, one in batch.messages}, batch.bound)
         for batch in gathered(batches(planned(plugin), SimClock(), most), most)
     ]
 
@@ -53,7 +53,7 @@ def test_a_slow_source_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_what_came_before_a_failure_is_gathered_and_not_lost() -> None:
     feed = gathered(batches(planned(source(ramp(2), ramp(3)[2:], OSError())), SimClock(), 4096))
-    ((_, one),) = next(feed).blocks
+    ((_, one),) = next(feed).messages
     assert one.t.tolist() == [0, 1, 2]
     with pytest.raises(NodeFailure):
         next(feed)
@@ -91,7 +91,7 @@ def test_the_one_that_is_wrong_is_found_after_what_came_before(wrong: object, wh
     found = []
     with pytest.raises(ContractError, match=what):
         found.extend(gathered(batches(planned(plugin), SimClock(), 4096), 4096))
-    assert [t for batch in found for _, one in batch.blocks for t in one.t.tolist()] == [0, 1, 2]
+    assert [t for batch in found for _, one in batch.messages for t in one.t.tolist()] == [0, 1, 2]
 
 
 def test_losses_of_what_came_before_a_wrong_one_are_counted_once() -> None:

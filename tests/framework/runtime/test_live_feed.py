@@ -41,13 +41,13 @@ def finish(feed: LiveFeed) -> None:
 
 
 def drained_stamps(feed: LiveFeed) -> list[int]:
-    return [m.t for batch in feed.drain() for _, m in batch.blocks]
+    return [m.t for batch in feed.drain() for _, m in batch.messages]
 
 
 def drained(feed: LiveFeed) -> tuple[Rows, int]:
     """Return what the inbox gives now, and the bound behind it."""
     found = list(feed.drain())
-    return [r for batch in found for _, b in batch.blocks for r in rows([b])], found[-1].bound
+    return [r for batch in found for _, b in batch.messages for r in rows([b])], found[-1].bound
 
 
 def test_max_delay_makes_a_source_live() -> None:
@@ -180,7 +180,7 @@ def test_an_error_in_the_thread_comes_after_what_was_read_before() -> None:
     seen = []
     with pytest.raises(NodeFailure) as found:
         seen.extend(feed.drain())
-    assert [rows([b]) for batch in seen for _, b in batch.blocks] == [[(3, 0.0)]]
+    assert [rows([b]) for batch in seen for _, b in batch.messages] == [[(3, 0.0)]]
     assert told(found.value) == ("node 's' (Scripted.read) failed at t=3: OSError: unplugged")
     assert isinstance(found.value.__cause__, OSError)
 
@@ -192,7 +192,7 @@ def test_an_error_waits_until_all_that_came_before_it_is_in_the_inbox() -> None:
     feed.inbox.append(Reading(3, 0.0))
     feed.ended = True
     found = feed.drain()
-    assert rows([b for _, b in next(found).blocks]) == [(3, 0.0)]
+    assert rows([b for _, b in next(found).messages]) == [(3, 0.0)]
     with pytest.raises(NodeFailure):
         next(found)
 
@@ -233,7 +233,7 @@ def test_a_source_faster_than_the_run_does_not_hold_it() -> None:
     feed.inbox.append(Reading(0, 0.0))
     taken = 0
     for batch in feed.drain():
-        taken += len(batch.blocks)
+        taken += len(batch.messages)
         feed.inbox.append(Reading(taken, 0.0))
         assert taken < 5
     assert taken == 1
