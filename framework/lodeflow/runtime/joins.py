@@ -85,6 +85,46 @@ class Join:
 
         return advance
 
+    def _meeting(self, index: int, *, early: bool = False) -> Callable[[Any], None]:
+        """Return the acceptor of one of two inputs that mostly bring the same stamps.
+
+        A message that meets its partner goes straight on, if nothing waits before the two.
+
+        Args:
+            index: of the input.
+            early: whether a message moves the floor before its partner has come.
+        """
+        general = self.accept[index]
+        own, other, bounds = self.queues[index], self.queues[1 - index], self.bounds
+
+        def accept(message: Any) -> None:
+            t = message.t
+            if not other:
+                if own or early or bounds[1 - index] > self.moved:
+                    general(message)
+                else:
+                    own.append(message)
+                    bounds[index] = t + 1
+                return
+            if own or other[0].t != t or len(other) > 1 or self.busy:
+                general(message)
+                return
+            bounds[index] = t + 1
+            self.busy, self.again = True, False
+            partner = other.popleft()
+            self.deliver(t, (partner, message) if index else (message, partner))
+            if not self.again and (floor := self.floor()) != END:
+                self.moved = floor
+                if self.hears:
+                    self.move(floor)
+                self.busy = False
+                if not self.again:
+                    return
+            self.busy = False
+            self.pump()
+
+        return accept
+
     def pump(self) -> None:
         """Do all that the bounds decide now."""
         if self.busy:
@@ -183,6 +223,8 @@ class ExactJoin(Join):
         super().__init__(*args)
         if len(self.queues) == 2:
             self.decide = self._decide_two  # type: ignore[method-assign]
+            if not self.gates:
+                self.accept = [self._meeting(0, early=self.hears), self._meeting(1)]
 
     def decide(self) -> None:
         lead, bounds, queues = self.queues[0], self.bounds, self.queues
@@ -327,6 +369,8 @@ class EachJoin(Join):
         super().__init__(*args)
         if len(self.queues) == 2:
             self.decide = self._decide_two  # type: ignore[method-assign]
+            if not self.gates:
+                self.accept = [self._meeting(i) for i in range(2)]
 
     def _acceptor(self, index: int) -> Callable[[Any], None]:
         append, bounds, pump = self.queues[index].append, self.bounds, self.pump

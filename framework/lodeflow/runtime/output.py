@@ -20,16 +20,19 @@ class Output:
     Attributes:
         bound: no later message has a stamp below it; a message at t has moved it to t + 1.
         sent: messages sent.
+        expected: type of the messages, once the first has been looked at in full.
+        forward: hands a message to all taps and readers; `retap` makes it.
         listeners: readers that need to hear of every bound.
         enders: the other readers; they hear of the end alone.
     """
 
     __slots__ = (
-        "_forwarders",
         "_taps",
         "bound",
         "calls",
         "enders",
+        "expected",
+        "forward",
         "listeners",
         "node",
         "port",
@@ -41,25 +44,16 @@ class Output:
         self.port = port
         self.bound = NEVER
         self.sent = 0
+        self.expected: type[Message] | None = None
+        self.forward: Accept = _fan([])
         self.listeners: list[Advance] = []
         self.enders: list[Advance] = []
         self.calls: list[Accept] = []
         self._taps = taps
-        self._forwarders: list[Callable[[Accept], None]] = []
-
-    def forwarding(self, replace: Callable[[Accept], None]) -> Accept:
-        """Return the call that hands a message to all taps and readers.
-
-        Args:
-            replace: takes another such call, when the taps have changed.
-        """
-        self._forwarders.append(replace)
-        return _fan([*self._taps, *self.calls])
 
     def retap(self) -> None:
-        """Use the taps as they are now."""
-        for replace in self._forwarders:
-            replace(_fan([*self._taps, *self.calls]))
+        """Use the readers and the taps as they are now."""
+        self.forward = _fan([*self._taps, *self.calls])
 
     def connect(self, accept: Accept, advance: Advance, *, hears: bool) -> None:
         """Add a reader."""
@@ -76,40 +70,32 @@ class Output:
                 for advance in self.enders:
                     advance(bound)
 
-    def sender(self) -> Callable[[Any, int], None]:
-        """Return the call that sends a sample for a row at some stamp.
+    def send(self, message: Any, row: int) -> None:
+        """Send a sample for a row at some stamp.
 
-        All readers are connected by now. The first message is looked at in full, later ones as
-        far as is cheap: their type and their stamp.
+        The first message is looked at in full, later ones as far as is cheap: their type and
+        their stamp.
+
+        Raises:
+            ContractError: it is no sample of the port, or its stamp is none that may come.
         """
-        kind, lookback = self.port.type, self.node.lookback
-        expected: type[Message] | None = None
-
-        forward: Accept
-
-        def replace(other: Accept) -> None:
-            nonlocal forward
-            forward = other
-
-        forward = self.forwarding(replace)
-
-        def send(message: Any, row: int) -> None:
-            nonlocal expected
-            if type(message) is not expected:
-                check_sample(self.node, self.port, message, row - lookback, thorough=True)
-                expected = kind
+        t = message.t if type(message) is self.expected else None
+        if type(t) is not int or t < row or t < self.bound:
+            self._look(message, row)
             t = message.t
-            if type(t) is not int or t < self.bound or t < row - lookback:
-                check_sample(self.node, self.port, message, row - lookback, thorough=True)
-                raise self.node.broken(
-                    self.port.name,
-                    f"stamps must strictly increase, got {t} where {self.bound} is the least",
-                )
-            self.bound = t + 1  # the message itself tells its readers
-            self.sent += 1
-            forward(message)
+        self.bound = t + 1  # the message itself tells its readers
+        self.sent += 1
+        forward = self.forward
+        forward(message)
 
-        return send
+    def _look(self, message: Any, row: int) -> None:
+        check_sample(self.node, self.port, message, row - self.node.lookback, thorough=True)
+        self.expected = self.port.type
+        if message.t < self.bound:
+            raise self.node.broken(
+                self.port.name,
+                f"stamps must strictly increase, got {message.t} where {self.bound} is the least",
+            )
 
 
 def _fan(calls: list[Accept]) -> Accept:

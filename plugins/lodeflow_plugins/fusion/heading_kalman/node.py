@@ -115,18 +115,16 @@ class HeadingKalman(lf.Node):
         heading.report_of(spare)
 
     def step(self, attitude: lf.Attitude | None, mag: lf.MagneticField | None) -> Estimates | None:
-        quaternion = np.empty(4)
+        out, state = np.empty(4), self.state
         if attitude is None:
-            field = mag.magnetic_field
-            heading.run_one(mag.t, False, UPRIGHT, True, field, self.state, quaternion)
+            heading.run_one(mag.t, False, UPRIGHT, True, mag.magnetic_field, state, out)
             return None
-        t = attitude.t
-        field, measured = (NO_FIELD, False) if mag is None else (mag.magnetic_field, True)
-        told = heading.run_one(
-            t, True, attitude.quaternion, measured, field, self.state, quaternion
-        )
-        state = message(t, heading.report_of(self.state)) if told else None
-        return Estimates(lf.Attitude(t, quaternion), state)
+        t, field, measured = attitude.t, NO_FIELD, False
+        if mag is not None:
+            field, measured = mag.magnetic_field, True
+        told = heading.run_one(t, True, attitude.quaternion, measured, field, state, out)
+        report = message(t, heading.report_of(state)) if told else None
+        return Estimates(lf.Attitude(t, out), report)
 
     def step_block(
         self, attitude: lf.Sparse[lf.Attitude], mag: lf.Sparse[lf.MagneticField]
@@ -172,5 +170,4 @@ def messages(t: np.ndarray, believed: np.ndarray) -> lf.HeadingState:
 def message(t: int, believed: np.ndarray) -> lf.HeadingState:
     """A report (11,) as a sample."""
     variance, _, _, _, level, lag, _, _, _, north, up = believed.tolist()
-    disturbance, hard_iron = believed[1:4].copy(), believed[6:9].copy()
-    return lf.HeadingState(t, variance, disturbance, level, lag, hard_iron, north, up)
+    return lf.HeadingState(t, variance, believed[1:4], level, lag, believed[6:9], north, up)

@@ -68,6 +68,7 @@ STATE_SIZE = CONSTANTS + 12
 
 ROWS = ((0, 1, 3), (1, 2, 4), (3, 4, 5))
 """Where the elements of a symmetric matrix are in its lower triangle."""
+COVARIANCES = np.array(ROWS) + COVARIANCE
 
 SETTLED = 0.1 * math.pi / 180.0
 """Bias standard deviation that the system noise adds in the forgetting time, rad/s; the unit in
@@ -132,7 +133,7 @@ def constants(
 
 def bias_of(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the bias (3,), rad/s, and its covariance (3, 3), rad^2/s^2."""
-    return state[BIAS : BIAS + 3].copy(), state[COVARIANCE : COVARIANCE + 6][list(ROWS)]
+    return state[BIAS : BIAS + 3].copy(), state[COVARIANCES]
 
 
 @inlined

@@ -81,16 +81,13 @@ class InertialAttitude(lf.Node):
         inertial.run_one(0, np.zeros(3), np.zeros(3), spare, np.empty(4))
 
     def step(self, imu: lf.Imu) -> Estimates:
-        t, quaternion = imu.t, np.empty(4)
-        attitude, bias, rest = lf.Attitude(t, quaternion), None, None
-        if inertial.run_one(
-            t, imu.angular_velocity, imu.linear_acceleration, self.state, quaternion
-        ):
-            state = self.state
-            if state[inertial.REPORT]:
-                bias = lf.GyroBias(t, *inertial.bias_of(state))
-            if state[inertial.CHANGE]:
-                rest = lf.Rest(t, int(state[inertial.RESTING]))
+        t, state, quaternion = imu.t, self.state, np.empty(4)
+        told = inertial.run_one(t, imu.angular_velocity, imu.linear_acceleration, state, quaternion)
+        attitude = lf.Attitude(t, quaternion)
+        if not told:
+            return Estimates(attitude, None, None)
+        bias = lf.GyroBias(t, *inertial.bias_of(state)) if state[inertial.REPORT] else None
+        rest = lf.Rest(t, int(state[inertial.RESTING])) if state[inertial.CHANGE] else None
         return Estimates(attitude, bias, rest)
 
     def step_block(self, imu: lf.Imu) -> Estimates:
