@@ -218,6 +218,26 @@ def test_who_is_interrupted_leaves_nobody_waiting(toy: CommandLine) -> None:
     toy("info", "hosts.mcap")
 
 
+@pytest.mark.parametrize("policy", ["stop", "continue"])
+def test_other_hosts_are_told_of_a_group_that_is_given_up(toy: CommandLine, policy: str) -> None:
+    """It has been killed, and cannot say so itself."""
+    with_groups(toy, "{source: [ticks], gains: {nodes: [double, triple], restart: on-failure, "
+                     f"limit: 1, on_crash: {policy}}}, ends: [sum, total]}}")  # fmt: skip
+    hosts = two_hosts(toy, "--with", "groups.yaml", "--arg", "seconds=4")
+    for _ in range(2):
+        victim = children(hosts["there"].pid)[-1]  # behind the source, or started anew
+        os.kill(victim, signal.SIGKILL)
+        time.sleep(0.7)
+    said = {name: process.communicate(timeout=20) for name, process in hosts.items()}
+    there, here = summary(said["there"][0]), summary(said["here"][0])
+    assert [process.returncode for process in hosts.values()] == [1, 1], said
+    assert there["restarts"] == {"gains": 1}
+    assert here["links"]["ends"]["gains"]["gaps"] >= 2
+    assert 0 < here["streams"]["sum"] < 800
+    kept = {topic: len(rows) for topic, rows in records(toy.folder / "hosts.mcap").items()}
+    assert (kept["/ticks"] == 800) == (policy == "continue")
+
+
 def test_unknown_groups_and_ambiguous_endpoints_are_told(toy: CommandLine) -> None:
     done = toy("run", "toy.yaml", "--only", "gain", code=1)
     assert done.stderr == ("lodeflow: no group 'gain' in graph 'toy', did you mean 'gains'?\n")

@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+import random
 from typing import Any
 
-from graphs import Case, Streams, encoded
+from graphs import Case, Streams, encoded, run_blocks, run_samples
 
 from lodeflow.graph.model import GraphNode, Wire
 from lodeflow.graph.topology import order
 from lodeflow.runtime.plan import PlanNode
 from lodeflow.sync import Each, Exact, Hold, Nearest, Sparse
+
+
+def compare(case: Case, seed: int) -> None:
+    """Run a case in every way and hold the results together."""
+    rng = random.Random(seed)
+    streams, counted = run_blocks(case, rng, whole=True)
+    for other, other_counted in (
+        run_blocks(case, rng, whole=False),
+        run_samples(case, rng),
+    ):
+        assert other == streams
+        assert other_counted == counted
+    defined = run_by_definition(case)
+    if defined is not None:
+        assert defined == (streams, counted)
 
 
 def run_by_definition(case: Case) -> tuple[Streams, dict[str, Any]] | None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from definition import compare
 from graphs import Case, cases
 from hypothesis import HealthCheck, Phase, find, given, settings
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
-from test_same_bytes import compare
 
 from lodeflow.errors import ContractError
 from lodeflow.runtime import align, blocks, joins, plan, samples

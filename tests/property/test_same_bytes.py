@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import random
-
-from definition import run_by_definition
-from graphs import Case, cases, run_blocks, run_samples
+from definition import compare
+from graphs import Case, cases
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -15,21 +13,6 @@ SETTINGS = settings(
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
-
-
-def compare(case: Case, seed: int) -> None:
-    """Run a case in every way and hold the results together."""
-    rng = random.Random(seed)
-    streams, counted = run_blocks(case, rng, whole=True)
-    for other, other_counted in (
-        run_blocks(case, rng, whole=False),
-        run_samples(case, rng),
-    ):
-        assert other == streams
-        assert other_counted == counted
-    defined = run_by_definition(case)
-    if defined is not None:
-        assert defined == (streams, counted)
 
 
 @SETTINGS

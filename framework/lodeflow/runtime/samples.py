@@ -11,7 +11,8 @@ from typing import Any
 
 from lodeflow.graph.model import Wire
 from lodeflow.runtime.gaps import without
-from lodeflow.runtime.joins import Join, Run, make_join
+from lodeflow.runtime.join import Join, Run
+from lodeflow.runtime.joins import make_join
 from lodeflow.runtime.output import Accept, Advance, Output
 from lodeflow.runtime.plan import (
     Plan,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from functools import cache
-from types import CodeType
+from types import CodeType, FunctionType
 from typing import Any, Protocol
 
 import numpy as np
@@ -144,7 +144,8 @@ def _written(owner: Stepped, head: str, samples: Iterator[str], tail: str = "") 
         **{f"out{i}": output for i, output in enumerate(outputs)},
         **{f"send_rows{i}": _rows(output) for i, output in enumerate(outputs)},
     }
-    exec(_code(source + tail), scope)
+    # A copy, for the interpreter keeps with the code what it has learnt of one node's names.
+    scope["call"] = FunctionType(_code(source + tail).replace(), scope)
     return scope
 
 
@@ -192,4 +193,5 @@ def _rows(output: Output) -> Callable[[Any, int], None]:
 
 @cache
 def _code(source: str) -> CodeType:
-    return compile(source, "<lodeflow step>", "exec")
+    (code,) = [c for c in compile(source, "<step>", "exec").co_consts if isinstance(c, CodeType)]
+    return code

@@ -181,10 +181,13 @@ class _Supervisor:
 
     def _start(self, name: str) -> None:
         from lodeflow.supervisor.group import run_group
+        from lodeflow.supervisor.obituary import run_obituary
         from lodeflow.supervisor.recorder_process import run_recorder
 
         work = partial(run_recorder, self.setup)
-        if name != RECORDER:
+        if name in self.gone:
+            work = partial(run_obituary, self.setup, name, self.deadline < float("inf"))
+        elif name != RECORDER:
             work = partial(run_group, self.setup, name)
         others = [d for child in self.children.values() for d in child.descriptors]
         child = Child(name, work, (*others, *self.own, self.selector.fileno()))
@@ -272,6 +275,8 @@ class _Supervisor:
         self.janitor.drop(child.pid)
         report = child.report
         child.close()
+        if name in self.gone:  # it only told others so
+            return
         self.reports[name] = report or Report(error=None)
         if code == 0 and report is not None:
             self.finished.append(name)
@@ -299,9 +304,11 @@ class _Supervisor:
         if group.on_crash == "continue" and name != RECORDER:
             self.say(name, f"{why}; the others go on")
             self.reports[name].error = None if group.allow_gaps else why
-            return
-        self.summary.error = self.summary.error or RunError(why)
-        self._stop()
+        else:
+            self.summary.error = self.summary.error or RunError(why)
+            self._stop()
+        if self.setup.far(name):
+            self._start(name)
 
     def _drain(self, child: Child) -> None:
         """Read the pipes of a process that has ended to their ends."""

@@ -167,6 +167,9 @@ class Link:
 
     def receive(self, frame: Frame, now: float) -> None:
         """Take a frame of the other side in."""
+        if frame.kind == frames.GONE and frame.sequence >> COUNT_BITS == self._theirs:
+            self.gone = True
+            self._say(frames.BYE, 0)  # so that it need not say so again
         if self.closed:
             return
         if frame.kind == frames.HELLO:
@@ -188,9 +191,6 @@ class Link:
             return
         if frame.kind == frames.BYE:
             self.departed = True
-            return
-        if frame.kind == frames.GONE:
-            self.gone = True
             return
         if frame.kind == frames.STOP:
             self.stops = True

@@ -284,6 +284,27 @@ class Links:
             self.wait(HELLO_EVERY)
         return sum(link.owes for link in self.links.values())
 
+    def resign(self, groups: Iterable[str], patience: float, *, stop: bool) -> None:
+        """Tell groups, in the place of one that has crashed, that it will not come back.
+
+        Args:
+            groups: who is told, until it has answered.
+            patience: seconds in which they have to.
+            stop: the run ends with it.
+        """
+        links = [self.by_name[group] for group in groups]
+        until = monotonic() + patience
+        while (now := monotonic()) < until and not all(link.departed for link in links):
+            self._drain(now)
+            for link in links:
+                link.arrived.clear()  # it is for the one that is gone
+                link.tend(now)
+                if link.joined and stop:
+                    link.say_stop()
+                if link.joined:
+                    link.say_end(whole=False)
+            self.wait(HELLO_EVERY)
+
     def note(self, text: str, group: str = "") -> None:
         """Send a text to the recorder (or to a group), if it is there."""
         link = self.by_name.get(group or RECORDER)
@@ -297,7 +318,7 @@ class Links:
         return {
             link.peer
             for link in self._leaving
-            if not link.closed and (link.stops or not self._is_whole(link))
+            if link.stops or not (link.closed or self._is_whole(link))
         }
 
     def say_stop(self, groups: Iterable[str]) -> None:
