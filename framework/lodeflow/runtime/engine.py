@@ -196,7 +196,7 @@ class Engine:
         self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed], pacer: Pacer
     ) -> None:
         for feed in files:
-            feed.advance(driver)
+            feed.begin(driver)
         files = [feed for feed in files if feed.t < END]
         while True:
             self._receive(driver)
@@ -214,6 +214,8 @@ class Engine:
                 live = [inbox for inbox in live if inbox.intake.floor < END]
                 wait = min(wait, self._push_due(driver, files, pacer))
             self.exchange.flush()
+            for feed in files:
+                feed.look_ahead()
             self.watch(self.reached)
             if not (files or live or self.exchange.is_open()):
                 return
@@ -261,7 +263,11 @@ class Engine:
 
 
 class _Paced:
-    """A source of data at rest, handed out stamp by stamp."""
+    """A source of data at rest, handed out stamp by stamp.
+
+    Attributes:
+        t: the stamp that is next.
+    """
 
     def __init__(self, node: PlanNode, batches: Generator[Batch]) -> None:
         self.node = node
@@ -270,30 +276,42 @@ class _Paced:
         self.bound = NEVER
         self.t = NEVER
         self.next: list[tuple[int, Any]] = []
+        self.later: tuple[int, list[tuple[int, Any]]] | None = None
+        self.failure: Exception | None = None
 
-    def advance(self, driver: SampleDriver) -> None:
-        """Look for the next stamp, and promise that nothing comes before it."""
-        while True:
-            found = next(self.rows, None)
-            if found is not None:
-                self.t, self.next = found
-                break
-            if self.bound == END:
-                self.t, self.next = END, []
-                break
-            batch = next(self.batches)
-            self.bound = batch.bound
-            self.rows = _by_stamp(batch)
-            if not batch.messages:
-                driver.promise(self.node.name, batch.bound)
+    def begin(self, driver: SampleDriver) -> None:
+        """Look for the first stamp, and promise that nothing comes before it."""
+        self.t, self.next = self._read()
         driver.promise(self.node.name, self.t)
 
+    def look_ahead(self) -> None:
+        """Read what comes after the next stamp, while there is time."""
+        if self.later is None and self.failure is None:
+            try:
+                self.later = self._read()
+            except Exception as error:  # what comes before it is pushed first
+                self.failure = error
+
     def push(self, driver: SampleDriver) -> None:
-        """Bring in the messages of the next stamp."""
+        """Bring in the messages of the next stamp, and promise that nothing follows soon."""
         pushes = driver.pushes[self.node.name]
         for port, sample in self.next:
             pushes[port](sample, sample.t)
-        self.advance(driver)
+        if self.failure is not None:
+            raise self.failure
+        self.t, self.next = self._read() if self.later is None else self.later
+        self.later = None
+        driver.promise(self.node.name, self.t)
+
+    def _read(self) -> tuple[int, list[tuple[int, Any]]]:
+        """Return the stamp after those read so far, and its messages; END if there is none."""
+        while (found := next(self.rows, None)) is None:
+            if self.bound == END:
+                return END, []
+            batch = next(self.batches)
+            self.bound = batch.bound
+            self.rows = _by_stamp(batch)
+        return found
 
     def close(self) -> None:
         """Let the source release what it holds."""

@@ -30,6 +30,9 @@ GONE = 8
 PROBE = 9
 """What have you got? All before the number in `bound` was sent; not in sequence."""
 
+NUMBERED = (DATA, NOTE)
+"""Kinds that come in sequence, and again if they are lost."""
+
 KIND_BITS, GROUP_BITS = 4, 10
 STREAM_SHIFT = KIND_BITS + GROUP_BITS
 COUNT_BITS = 40

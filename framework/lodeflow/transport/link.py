@@ -167,6 +167,9 @@ class Link:
 
     def receive(self, frame: Frame, now: float) -> None:
         """Take a frame of the other side in."""
+        if frame.kind in frames.NUMBERED:
+            self._arrive(frame, now)
+            return
         if frame.kind == frames.GONE and frame.sequence >> COUNT_BITS == self._theirs:
             self.gone = True
             self._say(frames.BYE, 0)  # so that it need not say so again
@@ -176,7 +179,7 @@ class Link:
             self._hear(frame.payload, now)
             return
         if frame.sequence >> COUNT_BITS != self._theirs or not self._theirs:
-            return  # of an earlier incarnation, or before its hello: it will come again
+            return  # of an earlier incarnation, or before its hello
         if frame.kind in (frames.ACK, frames.AGAIN):
             self._acknowledged(frame.first, now)  # received is not yet taken
             if frame.kind == frames.AGAIN:
@@ -194,10 +197,15 @@ class Link:
             return
         if frame.kind == frames.STOP:
             self.stops = True
-            return
-        number = frame.sequence & COUNT_MASK
+
+    def _arrive(self, frame: Frame, now: float) -> None:
+        """Take a numbered frame in."""
+        sequence = frame.sequence
+        if self.closed or sequence >> COUNT_BITS != self._theirs or not self._theirs:
+            return  # of an earlier incarnation, or before its hello: it will come again
+        number = sequence & COUNT_MASK
         if number == self._expected:
-            self._expected += 1
+            self._expected = number + 1
             self.arrived.append(frame)
         elif number > self._expected:
             self._ask(now)

@@ -137,7 +137,7 @@ class Links:
             keys.link(graph.name, part.name, "*"), FifoChannel(CAPACITY)
         )
         self._bell = Bell()
-        self._by_bell = self._runs = False
+        self._by_bell = self._runs = self._just_came = False
         self._ticker = Ticker(self._wake_by_zenoh)
 
     # ---- the engine's side -------------------------------------------------------------------
@@ -154,7 +154,10 @@ class Links:
     def take(self) -> Iterator[Arrival]:
         """Yield what has come and may be worked on now."""
         now = monotonic()
-        self._drain(now)
+        if self._just_came:  # first this, then what else there is
+            self._just_came = False
+        else:
+            self._drain(now)
         for link in self._takeable():
             for _ in range(min(BATCH, len(link.arrived))):
                 yield from self._open(link, link.take(now))
@@ -202,6 +205,7 @@ class Links:
         self._ticker.set(timeout)
         try:
             self._receive(self._subscriber.recv(), monotonic())
+            self._just_came = True
         finally:
             self._ticker.clear()
 
@@ -393,6 +397,8 @@ class Links:
         else:
             before = link.restarts
             link.receive(frame, now)
+            if frame.kind in frames.NUMBERED:
+                return
             if link.departed or link.stops:
                 self._leaving.add(link)
             if link.restarts > before:

@@ -44,6 +44,10 @@ class Outlet:
     def send(self, bound: int) -> None:
         """Send all that waits, each block in frames of moderate size, and the bound of the port."""
         queue, layout = self.queue, self.layout
+        if len(queue) == 1 and type(t := queue[0].t) is int:  # live, this is all there is
+            self.bound = bound if bound > t else t + 1
+            self._hand(t, 1, layout.encode_sample(queue.popleft()))
+            return
         while queue:
             message = queue.popleft()
             if not message.is_block and queue and not queue[0].is_block:

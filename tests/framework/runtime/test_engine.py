@@ -256,3 +256,13 @@ def test_pacing_holds_no_message_back_until_the_next_one() -> None:
     engine.run()
     assert seen == [[(0, 1.0)]]
     assert plan.nodes["s"].counters.sent == {"out": 1}
+
+
+def test_what_a_paced_source_gave_before_it_failed_goes_on_its_way() -> None:
+    """It is read one stamp ahead: the failure is found before the last stamp is due."""
+    step = 5_000_000
+    plan = Plan(graph(s=source(ramp(3, step), OSError("unplugged")), copy=(Copy, {"x": "s"})))
+    sent = tapped(plan, "copy")
+    with pytest.raises(NodeFailure, match=f"failed at t={2 * step}: OSError: unplugged"):
+        Engine(plan, speed=1.0).run()
+    assert rows(sent["copy"]) == [(0, 0.0), (step, 1.0), (2 * step, 2.0)]
