@@ -21,6 +21,7 @@ from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.exchange import part_of
 from lodeflow.runtime.plan import Plan
 from lodeflow.transport.links import Links
+from lodeflow.transport.meeting import barrier, farewell
 from lodeflow.transport.session import LINKS, close_session, open_session
 
 SETTINGS = settings(
@@ -69,9 +70,9 @@ class RunningGroup(threading.Thread):
     def run(self) -> None:
         try:
             self.plan.start()
-            assert self.links.barrier(lambda: True, lambda missing: None)
+            assert barrier(self.links, lambda: True, lambda missing: None)
             self.engine.begin()
-            self.left = self.links.farewell(30.0)
+            self.left = farewell(self.links, 30.0)
         except BaseException as error:
             self.error = error
         finally:

@@ -22,6 +22,7 @@ from lodeflow.supervisor.rundir import link_socket, look_socket
 from lodeflow.supervisor.setup import Report, Setup
 from lodeflow.supervisor.summary import Summary
 from lodeflow.transport.links import Links
+from lodeflow.transport.meeting import barrier, farewell
 from lodeflow.transport.session import LINKS, close_session, open_session
 from lodeflow.transport.window import Window
 
@@ -137,8 +138,10 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
     with interruptible(engine.stop, engine.stopping.is_set, by=(signal.SIGTERM,)) as closing:
         try:
             plan.start()
-            if links.barrier(
-                lambda: not engine.stopping.is_set(), lambda missing: tell(("waiting", missing))
+            if barrier(
+                links,
+                lambda: not engine.stopping.is_set(),
+                lambda missing: tell(("waiting", missing)),
             ):
                 tell("ready")
                 engine.begin()
@@ -192,7 +195,7 @@ def _close(
     tell(report)  # now, because whoever does not take the rest may take too long
     patience = 0.6 if report.stopped or report.error else None
     # One that may be started again is not gone; if it is not, its supervisor says so.
-    left = links.farewell(patience, silent=bool(report.error) and group.restart != "never")
+    left = farewell(links, patience, silent=bool(report.error) and group.restart != "never")
     if left and report.stopped:
         report.lossless = report.lossless and group.allow_gaps
         logging.getLogger("lodeflow").warning("%d frames could not be handed over in time", left)

@@ -12,6 +12,7 @@ from typing import Any
 
 from lodeflow.supervisor.group import open_links
 from lodeflow.supervisor.setup import Report, Setup
+from lodeflow.transport.meeting import resign
 
 PATIENCE = 20.0
 """Seconds in which the others have to be reached."""
@@ -37,6 +38,6 @@ def run_obituary(
     """
     links, close = open_links(setup, name, orders)
     awake.append(links.wake)
-    links.resign(setup.far(name), PATIENCE, stop=ends)
+    resign(links, setup.far(name), PATIENCE, stop=ends)
     close()
     return Report()

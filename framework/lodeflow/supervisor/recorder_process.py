@@ -23,6 +23,7 @@ from lodeflow.supervisor.answers import Answers
 from lodeflow.supervisor.group import Tell, open_links, open_window
 from lodeflow.supervisor.interrupt import interruptible
 from lodeflow.supervisor.setup import Report, Setup
+from lodeflow.transport.meeting import barrier, farewell
 
 GRACE = 1.2
 """Seconds after a stop that the recorder waits for the ends of streams; then it closes the file."""
@@ -78,8 +79,8 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
 
     with interruptible(stop, stopping.is_set, GRACE, by=(signal.SIGTERM,)) as closing:
         try:
-            if links.barrier(
-                lambda: not stopping.is_set(), lambda missing: tell(("waiting", missing))
+            if barrier(
+                links, lambda: not stopping.is_set(), lambda missing: tell(("waiting", missing))
             ):
                 tell("ready")
                 while links.is_open():
@@ -105,7 +106,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
             recorder.close({"summary": json.dumps(merged(reports, setup))})
         except LodeflowError as error:
             report.error = report.error or str(error)
-        links.farewell(0.3 if report.stopped or report.error else None)
+        farewell(links, 0.3 if report.stopped or report.error else None)
         close()
     return report
 

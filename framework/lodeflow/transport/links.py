@@ -10,7 +10,6 @@ import zenoh
 from zenoh.handlers import FifoChannel
 
 from lodeflow.clock import monotonic, wall_time
-from lodeflow.errors import RunError
 from lodeflow.graph import Graph, Wire
 from lodeflow.graph.groups import RECORDER
 from lodeflow.graph.partition import Part
@@ -32,14 +31,6 @@ CAPACITY = 1 << 16
 """Frames that may wait in Zenoh's queue; the windows of all links keep it far from full."""
 BATCH = 32
 """Frames that are worked on before what came of them is passed on."""
-PATIENCE = 5.0
-"""Seconds between two words on whom a group waits for."""
-LINGER = 20.0
-"""Seconds that a group which is done waits for the others to have heard so, while they listen.
-
-The last acknowledgement may be lost, with a cable that is cut: who left at once would leave the
-other side without it for ever.
-"""
 
 
 class Links:
@@ -147,6 +138,10 @@ class Links:
         self._bound = driver.bound
         self._runs = True
 
+    def detach(self) -> None:
+        """From now on only the links are waited for, no source here."""
+        self._runs = False
+
     def tap(self, wire: Wire) -> Callable[[Message], None]:
         """Return what takes the messages of an outlet, samples or blocks."""
         return next(o.queue.append for o in self._outlets if o.wire == wire)
@@ -154,15 +149,16 @@ class Links:
     def take(self) -> Iterator[Arrival]:
         """Yield what has come and may be worked on now."""
         now = monotonic()
-        if self._just_came:  # first this, then what else there is
-            self._just_came = False
-        else:
-            self._drain(now)
+        first, self._just_came = self._just_came, False  # what ended a wait, before all else
+        if not first:
+            self.drain(now)
         for link in self._takeable():
             for _ in range(min(BATCH, len(link.arrived))):
                 yield from self._open(link, link.take(now))
         while self.ready:
             yield self.ready.popleft()
+        if first:
+            self.drain(now)
 
     def flush(self) -> None:
         """Send what the outlets have, their bounds, and what the links have to say."""
@@ -217,97 +213,15 @@ class Links:
 
     # ---- the group's side --------------------------------------------------------------------
 
-    def barrier(self, wanted: Callable[[], bool], report: Callable[[list[str]], None]) -> bool:
-        """Wait until all links of all neighbours are up; return whether they are.
+    def drain(self, now: float) -> None:
+        """Take in all that has come."""
+        self._attend(self)
+        while (sample := self._subscriber.try_recv()) is not None:
+            self._receive(sample, now)
 
-        Args:
-            wanted: whether to go on waiting.
-            report: called now and then with the names of those that are missing.
-
-        Raises:
-            RunError: another group runs another graph.
-        """
-        begun = monotonic()
-        said = begun
-        while wanted():
-            now = monotonic()
-            self._drain(now)
-            for link in self.links.values():
-                if link.refused is not None:
-                    raise RunError(
-                        f"group '{link.peer}' runs another graph, or the same with other options; "
-                        "start all groups with the same file and options (--arg, --set, --swap, "
-                        "--with, --record or not, --realtime, --duration)"
-                    )
-            open_links = [link for link in self.links.values() if not link.closed]
-            joined = all(link.joined for link in open_links)
-            for link in open_links:
-                news = joined and not link.ready
-                link.ready = joined
-                if news:
-                    link.greet(now)  # at once: the others wait for it
-                link.tend(now)
-            if joined and all(link.peer_ready for link in open_links):
-                return True
-            if now - said > PATIENCE:
-                said = now
-                late = [x.peer for x in open_links if not x.joined]
-                report(late or [x.peer for x in open_links if not x.peer_ready])
-            self.wait(HELLO_EVERY / 2)
-        return False
-
-    def farewell(self, patience: float | None = None, *, silent: bool = False) -> int:
-        """Wait until all that was sent is taken; return how many frames were not.
-
-        Args:
-            patience: seconds to wait at most; None for as long as it takes.
-            silent: do not say that this is the end.
-        """
-        self.flush()
-        self._runs = False
-        until = float("inf") if patience is None else monotonic() + patience
-        while (now := monotonic()) < until and any(link.owes for link in self.links.values()):
-            self._drain(now)
-            for link in self.links.values():
-                link.tend(now)
-            self.wait(HELLO_EVERY)
-        if silent:
-            return sum(link.owes for link in self.links.values())
-        for link in self.links.values():
-            link.tend(now, at_once=True)
-            link.say_end(whole=self._is_whole(link))
-        until = min(until, monotonic() + LINGER)
-        while (now := monotonic()) < until:
-            left = [x for x in self.links.values() if not (x.departed or x.closed)]
-            if not any(x.is_matched for x in left):
-                break
-            self._drain(now)
-            for link in left:
-                link.tend(now, at_once=True)
-                link.say_end(whole=self._is_whole(link))  # the one before may be lost
-            self.wait(HELLO_EVERY)
-        return sum(link.owes for link in self.links.values())
-
-    def resign(self, groups: Iterable[str], patience: float, *, stop: bool) -> None:
-        """Tell groups, in the place of one that has crashed, that it will not come back.
-
-        Args:
-            groups: who is told, until it has answered.
-            patience: seconds in which they have to.
-            stop: the run ends with it.
-        """
-        links = [self.by_name[group] for group in groups]
-        until = monotonic() + patience
-        while (now := monotonic()) < until and not all(link.departed for link in links):
-            self._drain(now)
-            for link in links:
-                link.arrived.clear()  # it is for the one that is gone
-                link.tend(now)
-                if link.joined and stop:
-                    link.say_stop()
-                if link.joined:
-                    link.say_end(whole=False)
-            self.wait(HELLO_EVERY)
+    def is_whole(self, link: Link) -> bool:
+        """Whether all streams that another group reads have ended."""
+        return all(outlet.bound == END for outlet in self._outlets if link in outlet.readers)
 
     def note(self, text: str, group: str = "") -> None:
         """Send a text to the recorder (or to a group), if it is there."""
@@ -322,7 +236,7 @@ class Links:
         return {
             link.peer
             for link in self._leaving
-            if link.stops or not (link.closed or self._is_whole(link))
+            if link.stops or not (link.closed or self.is_whole(link))
         }
 
     def say_stop(self, groups: Iterable[str]) -> None:
@@ -362,10 +276,6 @@ class Links:
 
     # ---- inside ------------------------------------------------------------------------------
 
-    def _is_whole(self, link: Link) -> bool:
-        """Whether all streams that another group reads have ended."""
-        return all(outlet.bound == END for outlet in self._outlets if link in outlet.readers)
-
     def _takeable(self) -> list[Link]:
         """Return the links with frames that may be worked on now."""
         found = [link for link in self.links.values() if link.arrived]
@@ -375,11 +285,6 @@ class Links:
 
     def _wake_by_zenoh(self) -> None:
         put(self._self, b"", attach(0, 0, 0, 0, frames.WAKE, 0, 0))
-
-    def _drain(self, now: float) -> None:
-        self._attend(self)
-        while (sample := self._subscriber.try_recv()) is not None:
-            self._receive(sample, now)
 
     def _receive(self, sample: Any, now: float) -> None:
         attachment = sample.attachment

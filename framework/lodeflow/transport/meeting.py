@@ -1,0 +1,117 @@
+"""Meeting and parting: how the groups of a run find each other, and how they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from lodeflow.clock import monotonic
+from lodeflow.errors import RunError
+from lodeflow.transport.link import HELLO_EVERY
+from lodeflow.transport.links import Links
+
+PATIENCE = 5.0
+"""Seconds between two words on whom a group waits for."""
+LINGER = 20.0
+"""Seconds that a group which is done waits for the others to have heard so, while they listen.
+
+The last acknowledgement may be lost, with a cable that is cut: who left at once would leave the
+other side without it for ever.
+"""
+
+
+def barrier(links: Links, wanted: Callable[[], bool], report: Callable[[list[str]], None]) -> bool:
+    """Wait until all links of all neighbours are up; return whether they are.
+
+    Args:
+        links: of the group.
+        wanted: whether to go on waiting.
+        report: called now and then with the names of those that are missing.
+
+    Raises:
+        RunError: another group runs another graph.
+    """
+    begun = monotonic()
+    said = begun
+    while wanted():
+        now = monotonic()
+        links.drain(now)
+        for link in links.links.values():
+            if link.refused is not None:
+                raise RunError(
+                    f"group '{link.peer}' runs another graph, or the same with other options; "
+                    "start all groups with the same file and options (--arg, --set, --swap, "
+                    "--with, --record or not, --realtime, --duration)"
+                )
+        open_links = [link for link in links.links.values() if not link.closed]
+        joined = all(link.joined for link in open_links)
+        for link in open_links:
+            news = joined and not link.ready
+            link.ready = joined
+            if news:
+                link.greet(now)  # at once: the others wait for it
+            link.tend(now)
+        if joined and all(link.peer_ready for link in open_links):
+            return True
+        if now - said > PATIENCE:
+            said = now
+            late = [x.peer for x in open_links if not x.joined]
+            report(late or [x.peer for x in open_links if not x.peer_ready])
+        links.wait(HELLO_EVERY / 2)
+    return False
+
+
+def farewell(links: Links, patience: float | None = None, *, silent: bool = False) -> int:
+    """Wait until all that was sent is taken; return how many frames were not.
+
+    Args:
+        links: of the group.
+        patience: seconds to wait at most; None for as long as it takes.
+        silent: do not say that this is the end.
+    """
+    links.flush()
+    links.detach()
+    until = float("inf") if patience is None else monotonic() + patience
+    while (now := monotonic()) < until and any(link.owes for link in links.links.values()):
+        links.drain(now)
+        for link in links.links.values():
+            link.tend(now)
+        links.wait(HELLO_EVERY)
+    if silent:
+        return sum(link.owes for link in links.links.values())
+    for link in links.links.values():
+        link.tend(now, at_once=True)
+        link.say_end(whole=links.is_whole(link))
+    until = min(until, monotonic() + LINGER)
+    while (now := monotonic()) < until:
+        left = [x for x in links.links.values() if not (x.departed or x.closed)]
+        if not any(x.is_matched for x in left):
+            break
+        links.drain(now)
+        for link in left:
+            link.tend(now, at_once=True)
+            link.say_end(whole=links.is_whole(link))  # the one before may be lost
+        links.wait(HELLO_EVERY)
+    return sum(link.owes for link in links.links.values())
+
+
+def resign(links: Links, groups: Iterable[str], patience: float, *, stop: bool) -> None:
+    """Tell groups, in the place of one that has crashed, that it will not come back.
+
+    Args:
+        links: in its place.
+        groups: who is told, until it has answered.
+        patience: seconds in which they have to.
+        stop: the run ends with it.
+    """
+    told = [links.by_name[group] for group in groups]
+    until = monotonic() + patience
+    while (now := monotonic()) < until and not all(link.departed for link in told):
+        links.drain(now)
+        for link in told:
+            link.arrived.clear()  # it is for the one that is gone
+            link.tend(now)
+            if link.joined and stop:
+                link.say_stop()
+            if link.joined:
+                link.say_end(whole=False)
+        links.wait(HELLO_EVERY)

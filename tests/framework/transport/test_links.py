@@ -1,0 +1,138 @@
+"""The links of a group, over real sessions."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import lodeflow as lf
+from lodeflow.graph.model import Graph, GraphNode, Group, Wire
+from lodeflow.graph.partition import partition
+from lodeflow.sync import END
+from lodeflow.transport import meeting
+from lodeflow.transport.links import Links
+from lodeflow.transport.session import LINKS, close_session, open_session
+
+
+class Source(lf.Source):
+    def read(self, clock: lf.Clock) -> Iterator[lf.Heading]:
+        yield from ()
+
+
+class Reader(lf.Node):
+    def step(self, x: lf.Heading) -> None: ...
+
+
+GRAPH = Graph(
+    "links",
+    {
+        "s": GraphNode("s", "Source", Source, Source.Params()),
+        "r": GraphNode("r", "Reader", Reader, Reader.Params(), {"x": Wire("s", "out")}),
+    },
+    processes={"first": Group(("s",)), "second": Group(("r",))},
+)
+PARTS = partition(GRAPH)
+WIRE = Wire("s", "out")
+
+
+class Driver:
+    """What a sender's driver says of its port."""
+
+    def bound(self, wire: Wire) -> int:
+        return 7
+
+
+class Pair:
+    """Both groups in one process; `attended` counts how often the second looked for orders."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.opened: list[tuple[Links, Any]] = []
+        self.attended = 0
+        self.first, self.second = self.open("first"), self.open("second")
+
+    def open(self, name: str) -> Links:
+        index = list(PARTS).index(name)
+        session = open_session(
+            listen=[f"unixsock-stream/{self.folder}/{index}"],
+            connect=[f"unixsock-stream/{self.folder}/{other}" for other in range(index)],
+            settings=LINKS,
+        )
+        attend = self._attend if name == "second" else lambda links: None
+        links = Links(session, GRAPH, PARTS[name], list(PARTS), attend=attend)
+        self.opened.append((links, session))
+        return links
+
+    def _attend(self, links: Links) -> None:
+        self.attended += 1
+
+    def meet(self) -> None:
+        other = threading.Thread(target=meeting.barrier, args=(self.first, lambda: True, print))
+        other.start()
+        assert meeting.barrier(self.second, lambda: True, print)
+        other.join()
+
+    def leave(self, links: Links) -> None:
+        """Close without a word, as a process does that is killed."""
+        [(_, session)] = [one for one in self.opened if one[0] is links]
+        self.opened = [one for one in self.opened if one[0] is not links]
+        links.close()
+        close_session(session)
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> Iterator[Pair]:
+    made = Pair(tmp_path)
+    yield made
+    for links, _ in list(made.opened):
+        made.leave(links)
+
+
+def taken(links: Links, seconds: float = 5.0) -> list[Any]:
+    """Return what comes first within a time."""
+    for _ in range(int(seconds / 0.05)):
+        if found := list(links.take()):
+            return found
+        links.wait(0.05)
+    return []
+
+
+def test_orders_are_looked_for_whatever_ends_a_wait(pair: Pair) -> None:
+    pair.meet()
+    list(pair.second.take())
+    for _ in range(5):
+        before = pair.attended
+        pair.second.wait(0.005)
+        list(pair.second.take())
+        assert pair.attended > before
+
+
+def test_a_message_that_ends_a_wait_is_taken_at_once(pair: Pair) -> None:
+    pair.meet()
+    pair.first.attach(Driver())  # type: ignore[arg-type]
+    pair.first.tap(WIRE)(lf.Heading(5, 1.0))
+    pair.first.flush()
+    assert [(a.wire, a.message, a.bound) for a in taken(pair.second)] == [
+        (WIRE, lf.Heading(5, 1.0), 7)
+    ]
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_who_is_told_that_a_group_has_crashed_ends_its_streams(pair: Pair, stop: bool) -> None:
+    pair.meet()
+    pair.leave(pair.first)
+    stand_in = pair.open("first")
+    told = threading.Thread(
+        target=meeting.resign, args=(stand_in, ["second"], 10.0), kwargs={"stop": stop}
+    )
+    told.start()
+    arrivals = taken(pair.second)
+    told.join(5.0)
+    assert not told.is_alive()  # it was answered
+    assert [(a.wire, a.message, a.bound) for a in arrivals] == [(WIRE, None, END)]
+    assert pair.second.losses["first"].gaps == 1
+    assert pair.second.left_early() == ({"first"} if stop else set())
