@@ -22,6 +22,7 @@ ARGUMENTS = {
     "attitude": ["--arg", "recording=trial.mcap"],
     "broad": ["--arg", "recording=trial.mcap"],
     "dmc": ["--arg", "duration=60"],
+    "tilt_errors": ["--set", "level.samples=9000", "--set", "noisy.samples=9000"],
 }
 NAMES = sorted(
     path.stem for path in GRAPHS.glob("*.yaml") if DATA is not None or path.stem not in ON_DATA
