@@ -22,7 +22,7 @@ from lodeflow.supervisor.rundir import link_socket, look_socket
 from lodeflow.supervisor.setup import Report, Setup
 from lodeflow.supervisor.summary import Summary
 from lodeflow.transport.links import Links
-from lodeflow.transport.meeting import barrier, farewell
+from lodeflow.transport.meeting import Reach, barrier, farewell
 from lodeflow.transport.session import LINKS, close_session, open_session
 from lodeflow.transport.window import Window
 
@@ -102,6 +102,7 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
             told = monotonic()
             engine.count()
             tell(("reached", t, report.counters))
+        reach.look()
         window.tend(engine.driver)
         answers.tend()
         for peer in links.left_early():
@@ -118,6 +119,7 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         if engine.stopping.is_set():
             links.say_stop(setup.far(name))
 
+    reach = Reach(links, setup.far(name), logging.getLogger("lodeflow").warning)
     engine = Engine(
         plan,
         speed=setup.speed,

@@ -23,7 +23,7 @@ from lodeflow.supervisor.answers import Answers
 from lodeflow.supervisor.group import Tell, open_links, open_window
 from lodeflow.supervisor.interrupt import interruptible
 from lodeflow.supervisor.setup import Report, Setup
-from lodeflow.transport.meeting import barrier, farewell
+from lodeflow.transport.meeting import Reach, barrier, farewell
 
 GRACE = 1.2
 """Seconds after a stop that the recorder waits for the ends of streams; then it closes the file."""
@@ -59,6 +59,8 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
     )
     window = open_window(setup, RECORDER, plan, answers, links.wake)
 
+    reach = Reach(links, setup.far(RECORDER), logging.getLogger("lodeflow").warning)
+
     def stop() -> None:
         stopping.set()
         links.wake()
@@ -72,6 +74,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         while notes:
             _note(recorder, reports, *notes.popleft())
         answers.tend()
+        reach.look()
         if stopping.is_set():
             links.say_stop(setup.far(RECORDER))
         links.flush()

@@ -11,6 +11,10 @@ from lodeflow.transport.links import Links
 
 PATIENCE = 5.0
 """Seconds between two words on whom a group waits for."""
+LOOK_EVERY = 1.0
+"""Seconds between two looks at who can be reached."""
+OUT_OF_REACH = 3.0
+"""Seconds after which it is told that a group cannot be reached; Zenoh has noticed by then."""
 LINGER = 20.0
 """Seconds that a group which is done waits for the others to have heard so, while they listen.
 
@@ -115,3 +119,41 @@ def resign(links: Links, groups: Iterable[str], patience: float, *, stop: bool) 
             if link.joined:
                 link.say_end(whole=False)
         links.wait(HELLO_EVERY)
+
+
+class Reach:
+    """Tells of groups that cannot be reached any more, and of their return.
+
+    A cut cable and a host without power look the same: both are waited for, and that is said.
+
+    Args:
+        links: of the group.
+        groups: on other hosts.
+        tell: gets each text.
+    """
+
+    def __init__(self, links: Links, groups: Iterable[str], tell: Callable[[str], None]) -> None:
+        self._links = [links.by_name[group] for group in groups]
+        self._tell = tell
+        self._looked = 0.0
+        self._away: dict[str, float] = {}
+        self._told: set[str] = set()
+
+    def look(self) -> None:
+        """Look, if it is time to; call it as often as you like."""
+        if not self._links or (now := monotonic()) - self._looked < LOOK_EVERY:
+            return
+        self._looked = now
+        for link in self._links:
+            name = link.peer
+            if link.is_matched or link.departed or link.closed:
+                since = self._away.pop(name, now)
+                if name in self._told:
+                    self._told.remove(name)
+                    if link.is_matched:
+                        self._tell(f"group '{name}' is back after {now - since:.0f} s")
+            elif now - self._away.setdefault(name, now) >= OUT_OF_REACH and name not in self._told:
+                self._told.add(name)
+                self._tell(
+                    f"group '{name}' cannot be reached; what it is owed is kept until it is back"
+                )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -136,3 +137,32 @@ def test_who_is_told_that_a_group_has_crashed_ends_its_streams(pair: Pair, stop:
     assert [(a.wire, a.message, a.bound) for a in arrivals] == [(WIRE, None, END)]
     assert pair.second.losses["first"].gaps == 1
     assert pair.second.left_early() == ({"first"} if stop else set())
+
+
+def test_who_cannot_be_reached_is_told_once_and_so_is_its_return(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(meeting, "LOOK_EVERY", 0.0)
+    monkeypatch.setattr(meeting, "OUT_OF_REACH", 0.05)
+    pair.meet()
+    said: list[str] = []
+    reach = meeting.Reach(pair.second, ["first"], said.append)
+    link = pair.second.by_name["first"]
+
+    def look(matched: bool) -> None:
+        until = time.monotonic() + 10.0
+        while link.is_matched != matched:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        for _ in range(4):
+            reach.look()
+            time.sleep(0.02)
+
+    look(matched=True)
+    assert said == []
+    pair.leave(pair.first)
+    look(matched=False)
+    assert said == ["group 'first' cannot be reached; what it is owed is kept until it is back"]
+    pair.open("first")
+    look(matched=True)
+    assert said[1:] == ["group 'first' is back after 0 s"]
