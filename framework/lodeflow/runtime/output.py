@@ -80,7 +80,7 @@ class Output:
             ContractError: it is no sample of the port, or its stamp is none that may come.
         """
         t = message.t if type(message) is self.expected else None
-        if type(t) is not int or t < row or t < self.bound:
+        if type(t) is not int or t < self.bound or (t < row and t < row - self.node.lookback):
             self._look(message, row)
             t = message.t
         self.bound = t + 1  # the message itself tells its readers
