@@ -109,7 +109,7 @@ def resign(links: Links, groups: Iterable[str], patience: float, *, stop: bool) 
     """
     told = [links.by_name[group] for group in groups]
     until = monotonic() + patience
-    while (now := monotonic()) < until and not all(link.departed for link in told):
+    while (now := monotonic()) < until and not all(link.departed or link.closed for link in told):
         links.drain(now)
         for link in told:
             link.arrived.clear()  # it is for the one that is gone

@@ -44,22 +44,17 @@ class Outlet:
     def send(self, bound: int) -> None:
         """Send all that waits, each block in frames of moderate size, and the bound of the port."""
         queue, layout = self.queue, self.layout
-        if len(queue) == 1 and type(t := queue[0].t) is int:  # live, this is all there is
-            self.bound = bound if bound > t else t + 1
-            self._hand(t, 1, layout.encode_sample(queue.popleft()))
-            return
         while queue:
             message = queue.popleft()
-            if not message.is_block and queue and not queue[0].is_block:
+            if type(t := message.t) is int:
+                if not queue or queue[0].is_block:  # live, this is all there is
+                    self.bound = bound if not queue and bound > t else t + 1
+                    self._hand(t, 1, layout.encode_sample(message))
+                    continue
                 samples = [message]
                 while queue and not queue[0].is_block:
                     samples.append(queue.popleft())
                 message = layout.kind.stack(samples)
-            if not message.is_block:
-                t = message.t
-                self.bound = bound if not queue and bound > t else t + 1
-                self._hand(t, 1, layout.encode_sample(message))
-                continue
             pieces = max(1, round(len(message) * layout.size / FRAME_BYTES))
             rows = max(1, -(-len(message) // pieces))  # alike, for a small last one costs as much
             for at in range(0, len(message), rows):

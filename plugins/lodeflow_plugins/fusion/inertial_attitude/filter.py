@@ -69,6 +69,7 @@ STATE_SIZE = CONSTANTS + 12
 ROWS = ((0, 1, 3), (1, 2, 4), (3, 4, 5))
 """Where the elements of a symmetric matrix are in its lower triangle."""
 COVARIANCES = np.array(ROWS) + COVARIANCE
+"""Where those of the bias's covariance are in the state, (3, 3)."""
 
 SETTLED = 0.1 * math.pi / 180.0
 """Bias standard deviation that the system noise adds in the forgetting time, rad/s; the unit in
