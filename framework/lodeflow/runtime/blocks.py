@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from lodeflow.errors import ContractError, LodeflowError, MessageError
 from lodeflow.graph.model import Wire
 from lodeflow.node import InputPort, OutputPort
 from lodeflow.runtime.align import Column, GateColumn, Rows, join_rows, make_aligner
+from lodeflow.runtime.exchange import Enter
 from lodeflow.runtime.gaps import without
 from lodeflow.runtime.plan import (
     RAISED,
@@ -277,17 +278,23 @@ class BlockDriver:
             output.promise(bound)
         self._settle()
 
-    def receive(self, source: str, port: int, message: Any, bound: int) -> None:
-        """Bring in what came for one port of a node that runs elsewhere."""
-        output = self.sources[source][port]
-        if message is not None:
-            output.pass_on(message if message.is_block else message.as_block())
-        output.promise(bound)
-        self._settle()
+    def entry(self, wire: Wire, saw: Callable[[int, int], None]) -> Enter:
+        """Return what brings in the messages of a port of a node that runs elsewhere."""
+        output = self.port(wire)
 
-    def bound(self, wire: Wire) -> int:
-        """Return the bound that a port has promised."""
-        return next(o.bound for o in self.outputs[wire.node] if o.port.name == wire.port)
+        def enter(message: Any, bound: int) -> None:
+            if message is not None:
+                block = message if message.is_block else message.as_block()
+                saw(int(block.t[0]), int(block.t[-1]))
+                output.pass_on(block)
+            output.promise(bound)
+            self._settle()
+
+        return enter
+
+    def port(self, wire: Wire) -> Output:
+        """Return an output port."""
+        return next(o for o in self.outputs[wire.node] if o.port.name == wire.port)
 
     def earliest_change(self, name: str) -> int:
         """Return the least stamp, ns, from which on a node can be another one."""

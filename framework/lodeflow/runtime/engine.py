@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
+from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from typing import Any
 
@@ -10,7 +12,6 @@ import numpy as np
 
 from lodeflow.clock import Clock, Pacer, SimClock, WallClock, monotonic
 from lodeflow.errors import ContractError, RunError
-from lodeflow.graph.model import Wire
 from lodeflow.runtime.blocks import BlockDriver
 from lodeflow.runtime.exchange import Alone, Driver, Exchange
 from lodeflow.runtime.feed import LiveFeed, feeds
@@ -22,6 +23,8 @@ from lodeflow.sync import END, NEVER
 
 TICK = 0.02
 """Seconds between looks at the stop flag and the live sources' clocks when nothing comes."""
+AHEAD = 16
+"""Stamps of data at rest that are read ahead, so that reading rarely delays a message."""
 BURST, BURST_STAMPS = 0.001, 128
 """Seconds, and stamps, of overdue samples after which what came of them is passed on."""
 
@@ -78,11 +81,6 @@ class Engine:
         self.reached = self.clock.start
         self.duration = duration
         self.by_samples = bool(self.live) or speed is not None if samples is None else samples
-        self.ports = {
-            Wire(node.name, port.name): (node.name, index)
-            for node in plan.nodes.values()
-            for index, port in enumerate(node.spec.outputs)
-        }
 
     @property
     def span(self) -> int:
@@ -126,13 +124,13 @@ class Engine:
 
     def _run_blocks(self) -> None:
         self.driver = driver = BlockDriver(self.plan)
-        self.exchange.attach(driver)
+        self.exchange.attach(driver, self._saw)
         read = feeds(self.plan.sources, self.clock, self.duration, ROWS)
         sources = {name: gathered(feed) for name, feed in read.items()}
         reached = dict.fromkeys(sources, NEVER)
         try:
             while reached or self.exchange.is_open():
-                moved = self._receive(driver)
+                moved = self.exchange.take()
                 # The source that is furthest behind: joins then hold as little as they can.
                 name = min(reached, key=reached.__getitem__, default=None)
                 if name is not None and self._may_go_on(reached[name]):
@@ -159,23 +157,12 @@ class Engine:
             return True
         return self.exchange.has_room() and reached <= self.exchange.behind()
 
-    def _receive(self, driver: SampleDriver | BlockDriver) -> bool:
-        """Bring in what has come from other groups; return whether anything has."""
-        moved = False
-        for wire, message, bound in self.exchange.take():
-            driver.receive(*self.ports[wire], message, bound)
-            if message is not None:
-                t = message.t
-                self._saw(*((t, t) if type(t) is int else (int(t[0]), int(t[-1]))))
-            moved = True
-        return moved
-
     def _run_samples(self) -> None:
         self.driver = driver = SampleDriver(self.plan, self.exchange.outlets)
-        self.exchange.attach(driver)
+        self.exchange.attach(driver, self._saw)
         at_rest = [node for node in self.plan.sources if node not in self.live]
         read = feeds(at_rest, self.clock, self.duration)
-        files = [_Paced(node, read[node.name]) for node in at_rest]
+        files = [_Paced(driver, node, read[node.name]) for node in at_rest]
         until = END if self.duration is None else self.clock.start + self.duration
         live = [LiveFeed(node, self.clock, self.exchange.wake, until) for node in self.live]
         self.inboxes = live
@@ -196,10 +183,11 @@ class Engine:
         self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed], pacer: Pacer
     ) -> None:
         for feed in files:
-            feed.begin(driver)
+            feed.begin()
         files = [feed for feed in files if feed.t < END]
         while True:
-            self._receive(driver)
+            self.exchange.take()
+            self.watch(self.reached)
             if self.stopping.is_set():
                 self._end_sources(driver, files, live)
                 files, live = [], []
@@ -214,9 +202,8 @@ class Engine:
                 live = [inbox for inbox in live if inbox.intake.floor < END]
                 wait = min(wait, self._push_due(driver, files, pacer))
             self.exchange.flush()
-            for feed in files:
-                feed.look_ahead()
-            self.watch(self.reached)
+            # What comes behind a flush competes with what it sends for a processor, and what comes
+            # before it delays that: so little does.
             if not (files or live or self.exchange.is_open()):
                 return
             if wait > 0:
@@ -224,9 +211,8 @@ class Engine:
 
     def _push_due(self, driver: SampleDriver, files: list[_Paced], pacer: Pacer) -> float:
         """Bring in what is due, for no longer than `BURST`; return the seconds until more is."""
-        until = monotonic() + BURST
-        limit = NEVER
-        for count in range(BURST_STAMPS):
+        until, limit = 0.0, NEVER
+        for _ in range(BURST_STAMPS):
             if not files:
                 return TICK
             due = files[0] if len(files) == 1 else min(files, key=lambda feed: feed.t)
@@ -235,12 +221,14 @@ class Engine:
                 if wait > 0:
                     return wait
                 limit = pacer.reached()
-            if count:
+            if not until:
+                until = monotonic() + BURST
+            else:
                 self.watch(self.reached)  # as between any two stamps
                 if self.stopping.is_set() or monotonic() > until:
                     break
             self._saw(due.t, due.t)
-            due.push(driver)
+            due.push()
             if due.t == END:
                 files.remove(due)
         return 0.0 if files else TICK
@@ -269,49 +257,42 @@ class _Paced:
         t: the stamp that is next.
     """
 
-    def __init__(self, node: PlanNode, batches: Generator[Batch]) -> None:
+    def __init__(self, driver: SampleDriver, node: PlanNode, batches: Generator[Batch]) -> None:
         self.node = node
+        self.outputs = driver.nodes[node.name].outputs
         self.batches = batches
         self.rows: Iterator[tuple[int, list[tuple[int, Any]]]] = iter(())
+        self.ahead: deque[tuple[int, list[tuple[int, Any]]]] = deque()
         self.bound = NEVER
         self.t = NEVER
         self.next: list[tuple[int, Any]] = []
-        self.later: tuple[int, list[tuple[int, Any]]] | None = None
-        self.failure: Exception | None = None
 
-    def begin(self, driver: SampleDriver) -> None:
+    def begin(self) -> None:
         """Look for the first stamp, and promise that nothing comes before it."""
         self.t, self.next = self._read()
-        driver.promise(self.node.name, self.t)
+        for output in self.outputs:
+            output.promise(self.t)
 
-    def look_ahead(self) -> None:
-        """Read what comes after the next stamp, while there is time."""
-        if self.later is None and self.failure is None:
-            try:
-                self.later = self._read()
-            except Exception as error:  # what comes before it is pushed first
-                self.failure = error
-
-    def push(self, driver: SampleDriver) -> None:
+    def push(self) -> None:
         """Bring in the messages of the next stamp, and promise that nothing follows soon."""
-        pushes = driver.pushes[self.node.name]
         for port, sample in self.next:
-            pushes[port](sample, sample.t)
-        if self.failure is not None:
-            raise self.failure
-        self.t, self.next = self._read() if self.later is None else self.later
-        self.later = None
-        driver.promise(self.node.name, self.t)
+            self.outputs[port].send(sample, sample.t)
+        self.t, self.next = self.ahead.popleft() if self.ahead else self._read()
+        for output in self.outputs:
+            output.promise(self.t)
 
     def _read(self) -> tuple[int, list[tuple[int, Any]]]:
         """Return the stamp after those read so far, and its messages; END if there is none."""
-        while (found := next(self.rows, None)) is None:
+        while not self.ahead:
+            self.ahead.extend(itertools.islice(self.rows, AHEAD))
+            if self.ahead:
+                break
             if self.bound == END:
                 return END, []
             batch = next(self.batches)
             self.bound = batch.bound
             self.rows = _by_stamp(batch)
-        return found
+        return self.ahead.popleft()
 
     def close(self) -> None:
         """Let the source release what it holds."""

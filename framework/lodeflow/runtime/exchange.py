@@ -7,31 +7,52 @@ run there; what they read leaves through taps.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from lodeflow.graph.model import Graph, GraphNode, Wire
 from lodeflow.node import Source
 from lodeflow.params import Params
 from lodeflow.runtime.plan import Inlet
-from lodeflow.sync import END
+from lodeflow.sync import END, NEVER
+
+Enter = Callable[[Any, int], None]
+"""Brings in what came over one stream: a sample, a block with at least one row, or None; and the
+bound."""
 
 
-class Arrival(NamedTuple):
-    """What came over one stream: a sample, a block with at least one row, or None; the bound."""
+class Port(Protocol):
+    """An output port as its readers elsewhere need to know it.
 
-    wire: Wire
-    message: Any
+    Attributes:
+        bound: what it has promised.
+    """
+
     bound: int
+
+
+class Silent:
+    """A port that has promised nothing."""
+
+    bound = NEVER
 
 
 class Driver(Protocol):
     """What an exchange asks of a driver."""
 
-    def bound(self, wire: Wire) -> int:
-        """Return the bound that a port has promised."""
+    def port(self, wire: Wire) -> Port:
+        """Return an output port."""
+
+    def entry(self, wire: Wire, saw: Callable[[int, int], None]) -> Enter:
+        """Return what brings in the messages of a port of a node that runs elsewhere.
+
+        Args:
+            wire: the port.
+            saw: told of the first and the last stamp of each message.
+        """
 
     def retap(self, wire: Wire) -> None:
         """Use the plan's taps of a port as they are now."""
@@ -55,11 +76,11 @@ class Exchange(Protocol):
 
     outlets: frozenset[Wire]
 
-    def attach(self, driver: Driver) -> None:
-        """Take the driver whose bounds are to be passed on."""
+    def attach(self, driver: Driver, saw: Callable[[int, int], None]) -> None:
+        """Take the driver that what comes is brought in to, and whose bounds are passed on."""
 
-    def take(self) -> Iterable[Arrival]:
-        """Return what has come and may be worked on now, and tell its senders so."""
+    def take(self) -> bool:
+        """Bring in what has come and may be worked on now; return whether anything was."""
 
     def flush(self) -> None:
         """Pass on what the outlets have sent, and their bounds."""
@@ -86,6 +107,10 @@ class Bell:
     def __init__(self) -> None:
         self._silent = threading.Lock()
         self._silent.acquire()
+        self.wait = partial(self._silent.acquire, True)
+
+    wait: Callable[[float], Any]
+    """Wait for `ring`, or until the time is up (seconds)."""
 
     @property
     def rung(self) -> bool:
@@ -98,10 +123,6 @@ class Bell:
             with suppress(RuntimeError):  # another thread was quicker
                 self._silent.release()
 
-    def wait(self, timeout: float) -> None:
-        """Wait for `ring`, or until the time is up (seconds)."""
-        self._silent.acquire(timeout=timeout)
-
 
 class Alone:
     """The exchange of a graph that runs in one process."""
@@ -111,12 +132,12 @@ class Alone:
     def __init__(self) -> None:
         self._bell = Bell()
 
-    def attach(self, driver: Driver) -> None:
+    def attach(self, driver: Driver, saw: Callable[[int, int], None]) -> None:
         """There is nobody to pass bounds on to."""
 
-    def take(self) -> Iterator[Arrival]:
+    def take(self) -> bool:
         """Nothing ever comes."""
-        return iter(())
+        return False
 
     def flush(self) -> None:
         """There is nobody to pass anything on to."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Container, Iterator
 from typing import Any
 
 from lodeflow.graph.model import Wire
+from lodeflow.runtime.exchange import Enter
 from lodeflow.runtime.gaps import without
 from lodeflow.runtime.join import Join, Run
 from lodeflow.runtime.joins import make_join
@@ -185,20 +186,29 @@ class SampleDriver:
         for output in outputs if port is None else (outputs[port],):
             output.promise(bound)
 
-    def receive(self, source: str, port: int, message: Any, bound: int) -> None:
-        """Bring in what came for one port of a node that runs elsewhere."""
-        if message is not None:
-            send = self.pushes[source][port]
-            if type(message.t) is int:
-                send(message, message.t)
-            else:
-                for index, t in enumerate(message.t.tolist()):
-                    send(message.row(index), t)
-        self.nodes[source].outputs[port].promise(bound)
+    def entry(self, wire: Wire, saw: Callable[[int, int], None]) -> Enter:
+        """Return what brings in the messages of a port of a node that runs elsewhere."""
+        output = self.outputs[wire]
+        send, promise = output.send, output.promise
 
-    def bound(self, wire: Wire) -> int:
-        """Return the bound that a port has promised."""
-        return self.outputs[wire].bound
+        def enter(message: Any, bound: int) -> None:
+            if message is not None:
+                t = message.t
+                if type(t) is int:
+                    saw(t, t)
+                    send(message, t)
+                else:
+                    saw(int(t[0]), int(t[-1]))
+                    for index, one in enumerate(t.tolist()):
+                        send(message.row(index), one)
+            if bound > output.bound:
+                promise(bound)
+
+        return enter
+
+    def port(self, wire: Wire) -> Output:
+        """Return an output port."""
+        return self.outputs[wire]
 
     def earliest_change(self, name: str) -> int:
         """Return the least stamp, ns, from which on a node can be another one."""

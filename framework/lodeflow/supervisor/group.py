@@ -26,6 +26,9 @@ from lodeflow.transport.meeting import Reach, barrier, farewell
 from lodeflow.transport.session import LINKS, close_session, open_session
 from lodeflow.transport.window import Window
 
+LOOK_EVERY = 0.005
+"""Seconds between looks at what else there is to do than to work on messages."""
+
 Tell = Callable[[Any], None]
 """Tells the supervisor something: "ready", or a Report."""
 
@@ -92,12 +95,15 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
     for wire in part.outlets:
         plan.tap(wire, links.tap(wire))
     log = _LogSender(links)
-    told = 0.0
+    told = looked = 0.0
     logging.getLogger("lodeflow").addHandler(log)
 
     def watch(t: int) -> None:
-        nonlocal told
-        log.reached = max(log.reached, t)
+        nonlocal told, looked
+        log.reached = t
+        if (now := monotonic()) - looked < LOOK_EVERY and not links.woken:
+            return
+        looked, links.woken = now, False
         if setup.shown and monotonic() - told >= 0.2:
             told = monotonic()
             engine.count()

@@ -7,16 +7,18 @@ import logging
 import signal
 import threading
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 from lodeflow.clock import monotonic
 from lodeflow.errors import LodeflowError, RunError
 from lodeflow.graph import Wire, dump
 from lodeflow.graph.groups import RECORDER
+from lodeflow.messages.message import Message
 from lodeflow.recording.events import CHANGE, GAP, LOG, in_range
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import TICK, Engine
-from lodeflow.runtime.exchange import part_of
+from lodeflow.runtime.exchange import Enter, part_of
 from lodeflow.runtime.plan import Plan
 from lodeflow.runtime.samples import SampleDriver
 from lodeflow.supervisor.answers import Answers
@@ -48,7 +50,10 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         for node in setup.graph.nodes.values()
         for port in node.plugin.spec.outputs
     }
-    takers = recorder.open({wire: kinds[wire] for wire in setup.parts[RECORDER].inlets})
+    for wire, take in recorder.open(
+        {wire: kinds[wire] for wire in setup.parts[RECORDER].inlets}
+    ).items():
+        links.on_arrival(wire, _into(recorder, take))
     stopping = threading.Event()
     # It runs no node; but like every process of the run it answers questions.
     plan = Plan(part_of(setup.graph, (), {}))
@@ -66,11 +71,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         links.wake()
 
     def work() -> None:
-        for wire, message, _ in links.take():
-            if message is not None:
-                takers[wire](message)
-                last = int(message.t[-1]) if message.is_block else message.t
-                recorder.reached = max(recorder.reached, last)
+        links.take()
         while notes:
             _note(recorder, reports, *notes.popleft())
         answers.tend()
@@ -112,6 +113,18 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         farewell(links, 0.3 if report.stopped or report.error else None)
         close()
     return report
+
+
+def _into(recorder: Recorder, take: Callable[[Message], None]) -> Enter:
+    """Return what records the messages of a stream that comes from another group."""
+
+    def enter(message: Any, bound: int) -> None:
+        if message is not None:
+            take(message)
+            last = int(message.t[-1]) if message.is_block else message.t
+            recorder.reached = max(recorder.reached, last)
+
+    return enter
 
 
 def _all_told(setup: Setup, links: Any, reports: dict[str, Any]) -> bool:

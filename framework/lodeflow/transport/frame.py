@@ -69,8 +69,12 @@ def attach(
     sequence: int, first: int, bound: int, count: int, kind: int, group: int, stream: int
 ) -> bytes:
     """Return the attachment of a frame."""
-    flags = kind | group << KIND_BITS | stream << STREAM_SHIFT
-    return ATTACHMENT.pack(sequence, first, bound, count, flags)
+    return ATTACHMENT.pack(sequence, first, bound, count, flags_of(kind, group, stream))
+
+
+def flags_of(kind: int, group: int, stream: int) -> int:
+    """Return kind, sender and stream of a frame as one number."""
+    return kind | group << KIND_BITS | stream << STREAM_SHIFT
 
 
 def read(attachment: bytes, payload: bytes) -> Frame | None:

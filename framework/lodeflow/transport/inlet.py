@@ -10,9 +10,8 @@ import numpy as np
 from lodeflow.errors import LodeflowError
 from lodeflow.graph import Wire
 from lodeflow.messages.cdr import Layout
-from lodeflow.runtime.exchange import Arrival
+from lodeflow.runtime.exchange import Enter
 from lodeflow.sync import END, NEVER
-from lodeflow.transport.frame import Frame
 from lodeflow.transport.losses import Gap, LinkLosses
 
 FEW = 8
@@ -32,6 +31,7 @@ class Inlet:
 
     Attributes:
         bound: how far it has come.
+        enter: is given what comes.
     """
 
     def __init__(
@@ -46,55 +46,64 @@ class Inlet:
         self.wire, self.sender, self.reader = wire, sender, reader
         self.layout, self.losses = layout, losses
         self.bound = NEVER
+        self.enter: Enter = lambda message, bound: None
         self._tell = tell
         self._broken_off: int | None = None
 
-    def open(self, frame: Frame) -> list[Arrival]:
-        """Return what a frame brings, decoded."""
+    def bring(self, first: int, bound: int, rows: int, payload: bytes) -> None:
+        """Decode what a frame holds, and bring it in."""
         floor = self.bound
-        messages: list[Any] = []
-        if frame.rows:
+        if rows == 1 and self._broken_off is None:  # live, almost always
             try:
-                messages = self._decode(frame)
+                sample = self.layout.decode_sample(payload)
+            except (ValueError, LodeflowError):
+                pass  # it is counted below
+            else:
+                if floor <= sample.t < bound:
+                    self.bound = bound
+                    self.enter(sample, bound)
+                    return
+        messages: list[Any] = []
+        if rows:
+            try:
+                messages = self._decode(rows, payload)
             except (ValueError, LodeflowError):
                 self.losses.undecodable += 1
-                self._gap(frame.first, frame.bound)
+                self._gap(first, bound)
         if messages and _first(messages[0]) < floor:
             messages = self._fresh(messages, floor)
         if messages and self._broken_off is not None:
             self._gap(self._broken_off, _first(messages[0]))
             self._broken_off = None
-        if frame.bound > floor:
-            self.bound = frame.bound
+        if bound > floor:
+            self.bound = bound
         elif not messages:
-            return []
-        if len(messages) < 2:
-            return [Arrival(self.wire, messages[0] if messages else None, self.bound)]
-        *before, last = messages
-        arrivals = [Arrival(self.wire, sample, sample.t + 1) for sample in before]
-        return [*arrivals, Arrival(self.wire, last, self.bound)]
+            return
+        for sample in messages[:-1]:
+            self.enter(sample, sample.t + 1)
+        self.enter(messages[-1] if messages else None, self.bound)
 
     def restarted(self) -> None:
         """Expect that something is missing up to what comes next: the sender began anew."""
         if NEVER < self.bound < END:
             self._broken_off = self.bound
 
-    def end(self, *, lost: bool) -> Arrival | None:
+    def end(self, *, lost: bool) -> None:
         """End the stream where it is.
 
         Args:
             lost: what the sender still owed is missing.
         """
         if self.bound == END:
-            return None
+            return
         if lost:
             self._gap(self.bound, END)
         self.bound = END
-        return Arrival(self.wire, None, END)
+        self.enter(None, END)
 
-    def _decode(self, frame: Frame) -> list[Any]:
+    def _decode(self, rows: int, payload: bytes) -> list[Any]:
         """Return the samples of a small frame, or one block."""
-        layout, rows, payload = self.layout, frame.rows, frame.payload
+        layout = self.layout
         if rows == 1:
             return [layout.decode_sample(payload)]
         if rows <= FEW and len(payload) == rows * layout.size:

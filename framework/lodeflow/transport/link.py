@@ -36,6 +36,7 @@ It may only be slow, so nothing is sent again unasked."""
 AGAIN_FRAMES, AGAIN_BYTES = 256, 4 << 20
 """How much is sent again at once; the other side then says what it has."""
 
+_pack = frames.ATTACHMENT.pack
 _HELLO = struct.Struct("<QQQB16s")
 
 
@@ -139,6 +140,11 @@ class Link:
         return bool(status.matching)
 
     @property
+    def owes_word(self) -> bool:
+        """Whether so much has been taken that the other side should hear of it soon."""
+        return self._taken >= ACK_FRAMES or self._taken_bytes >= ACK_BYTES
+
+    @property
     def is_full(self) -> bool:
         """Whether the other side has to catch up first."""
         frames = len(self._unacked)
@@ -150,16 +156,22 @@ class Link:
             or (self._rows >= WINDOW_ROWS and frames > FEW)
         )
 
-    def send(
-        self, kind: int, stream: int, first: int, bound: int, count: int, payload: Payload
-    ) -> None:
-        """Send a frame in sequence, and keep it until it is taken."""
+    def send(self, flags: int, first: int, bound: int, count: int, payload: Payload) -> None:
+        """Send a frame in sequence, and keep it until it is taken.
+
+        Args:
+            flags: see `flags_of`.
+            first: its first stamp.
+            bound: of its stream.
+            count: records in it.
+            payload: the records, or a text.
+        """
         if self.closed:
             return
         number = self._next
         self._next += 1
         sequence = self.incarnation << COUNT_BITS | number
-        attachment = attach(sequence, first, bound, count, kind, self.index, stream)
+        attachment = _pack(sequence, first, bound, count, flags)
         self._unacked.append((number, attachment, payload, count))
         self._bytes += len(payload)
         self._rows += count
@@ -198,6 +210,32 @@ class Link:
         if frame.kind == frames.STOP:
             self.stops = True
 
+    def pass_through(self, sequence: int, size: int, now: float) -> bool:
+        """Take a numbered frame in and hand it out at once, as its receiver does if nothing waits.
+
+        Args:
+            sequence: of the frame.
+            size: bytes of its payload.
+            now: monotonic seconds.
+
+        Returns:
+            Whether it is the one that is due, and may be worked on.
+        """
+        number = sequence & COUNT_MASK
+        if (
+            number != self._expected
+            or self.arrived
+            or sequence >> COUNT_BITS != self._theirs
+            or self.closed
+            or not self._theirs
+        ):
+            return False
+        self._expected = self._done = number + 1
+        self._taken += 1
+        self._taken_bytes += size
+        self._taken_since = self._taken_since or now
+        return True
+
     def _arrive(self, frame: Frame, now: float) -> None:
         """Take a numbered frame in."""
         sequence = frame.sequence
@@ -232,12 +270,7 @@ class Link:
         """
         if self.closed:
             return
-        if self._taken and (
-            at_once
-            or self._taken >= ACK_FRAMES
-            or self._taken_bytes >= ACK_BYTES
-            or now - self._taken_since >= ACK_AFTER
-        ):
+        if self._taken and (at_once or self.owes_word or now - self._taken_since >= ACK_AFTER):
             self._taken = self._taken_bytes = 0
             self._taken_since = 0.0
             self._say(frames.ACK, self._done)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import zenoh
@@ -15,11 +15,11 @@ from lodeflow.graph.groups import RECORDER
 from lodeflow.graph.partition import Part
 from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.message import Message
-from lodeflow.runtime.exchange import Arrival, Bell, Driver
-from lodeflow.sync import END, NEVER
+from lodeflow.runtime.exchange import Bell, Driver, Enter
+from lodeflow.sync import END
 from lodeflow.transport import frame as frames
 from lodeflow.transport import keys
-from lodeflow.transport.frame import INCARNATIONS, Frame, attach
+from lodeflow.transport.frame import INCARNATIONS, Frame, attach, flags_of
 from lodeflow.transport.inlet import Inlet
 from lodeflow.transport.link import HELLO_EVERY, Link
 from lodeflow.transport.losses import LinkLosses
@@ -29,8 +29,12 @@ from lodeflow.transport.ticker import Ticker
 
 CAPACITY = 1 << 16
 """Frames that may wait in Zenoh's queue; the windows of all links keep it far from full."""
+TEND_EVERY = 0.005
+"""Seconds after which a link is asked whether it has something to say of itself."""
 BATCH = 32
 """Frames that are worked on before what came of them is passed on."""
+
+_split, _SPLIT_SIZE = frames.ATTACHMENT.unpack, frames.ATTACHMENT.size
 
 
 class Links:
@@ -48,6 +52,7 @@ class Links:
     Attributes:
         losses: per link, what did not arrive.
         foreign: messages of strangers on our keys; they are ignored.
+        woken: whether `wake` was called since this was last set to False.
     """
 
     def __init__(
@@ -90,7 +95,7 @@ class Links:
         self.losses = {name: LinkLosses() for name in self.by_name}
         self._outlets = [
             Outlet(
-                wires.index(wire),
+                flags_of(frames.DATA, me, wires.index(wire)),
                 wire,
                 layouts[wire],
                 {self.by_name[name]: self.losses[name] for name in readers},
@@ -108,6 +113,13 @@ class Links:
             )
             for wire, sender in part.inlets.items()
         }
+        self._lanes = {
+            flags_of(frames.DATA, groups.index(inlet.sender), number): (
+                self.by_name[inlet.sender],
+                inlet,
+            )
+            for number, inlet in self._inlets.items()
+        }
         self._watches = part.name in graph.processes and graph.processes[part.name].latest
         self.foreign = 0
         self._paces = [
@@ -117,10 +129,10 @@ class Links:
         ]
         self._on_note = on_note
         self._attend = attend
-        self._bound: Callable[[Wire], int] = lambda wire: NEVER
         self._leaving: set[Link] = set()
-        self._said_stop = 0.0
-        self.ready: deque[Arrival] = deque()
+        self._said_stop = self._tended = 0.0
+        self._came: Any = None
+        self._ended: deque[tuple[Link, list[Frame], bool]] = deque()
         self._notes: deque[str] = deque()
         me_key = keys.link(graph.name, part.name, part.name)
         self._self = session.declare_publisher(me_key)
@@ -128,15 +140,22 @@ class Links:
             keys.link(graph.name, part.name, "*"), FifoChannel(CAPACITY)
         )
         self._bell = Bell()
-        self._by_bell = self._runs = self._just_came = False
+        self.woken = self._by_bell = self._runs = self._room = self._owes_word = False
         self._ticker = Ticker(self._wake_by_zenoh)
 
     # ---- the engine's side -------------------------------------------------------------------
 
-    def attach(self, driver: Driver) -> None:
-        """Take the driver whose bounds are passed on."""
-        self._bound = driver.bound
+    def attach(self, driver: Driver, saw: Callable[[int, int], None]) -> None:
+        """Take the driver that what comes is brought in to, and whose bounds are passed on."""
+        for outlet in self._outlets:
+            outlet.port = driver.port(outlet.wire)
+        for inlet in self._inlets.values():
+            inlet.enter = driver.entry(inlet.wire, saw)
         self._runs = True
+
+    def on_arrival(self, wire: Wire, enter: Enter) -> None:
+        """Give what comes over a stream to somebody else than a driver."""
+        next(inlet for inlet in self._inlets.values() if inlet.wire == wire).enter = enter
 
     def detach(self) -> None:
         """From now on only the links are waited for, no source here."""
@@ -146,35 +165,44 @@ class Links:
         """Return what takes the messages of an outlet, samples or blocks."""
         return next(o.queue.append for o in self._outlets if o.wire == wire)
 
-    def take(self) -> Iterator[Arrival]:
-        """Yield what has come and may be worked on now."""
+    def take(self) -> bool:
+        """Bring in what has come and may be worked on now; return whether anything was."""
         now = monotonic()
-        first, self._just_came = self._just_came, False  # what ended a wait, before all else
-        if not first:
+        first, self._came = self._came, None  # what ended a wait, before all else
+        if first is None:
             self.drain(now)
+        moved = first is not None and self._at_once(first, now)
         for link in self._takeable():
+            moved = True
             for _ in range(min(BATCH, len(link.arrived))):
-                yield from self._open(link, link.take(now))
-        while self.ready:
-            yield self.ready.popleft()
-        if first:
+                self._open(link, link.take(now))
+            self._owes_word |= link.owes_word
+        while self._ended:
+            moved = True
+            self._end(*self._ended.popleft())
+        if first is not None:
             self.drain(now)
+        return moved
 
     def flush(self) -> None:
         """Send what the outlets have, their bounds, and what the links have to say."""
         while self._notes:
             self.note(self._notes.popleft())
-        for outlet in self._outlets:
-            outlet.send(self._bound(outlet.wire))
         now = monotonic()
-        for link in self.links.values():
-            link.tend(now, at_once=self._watches)
+        if self._owes_word or now - self._tended >= TEND_EVERY or self._watches:
+            self._owes_word, self._tended = False, now
+            for link in self.links.values():
+                link.tend(now, at_once=self._watches)
+        for outlet in self._outlets:
+            outlet.send(outlet.port.bound)
 
     def has_room(self) -> bool:
         """Whether all readers keep up."""
-        for link in self.links.values():  # noqa: SIM110 (a generator costs more than all else)
+        for link in self.links.values():  # a generator costs more than all else
             if link.is_full and not link.latest:
+                self._room = False
                 return False
+        self._room = True
         return True
 
     def behind(self) -> int:
@@ -186,27 +214,27 @@ class Links:
         for inlet in self._inlets.values():  # likewise
             if inlet.bound < END:
                 return True
-        return bool(self.ready)
+        return bool(self._ended)
 
     def wait(self, timeout: float) -> None:
         """Wait until a frame comes, `wake` is called, or the time is up."""
-        if self.ready or self._takeable():
-            return
         # Who has no inlet is woken by its own sources: a bell is nearer than Zenoh, and what the
-        # links say can wait for so long.
-        self._by_bell = self._runs and not self.part.inlets and self.has_room()
+        # links say can wait for so long (unless there was no room when that was last looked at).
+        self._by_bell = self._runs and self._room and not self._inlets
         if self._by_bell or self._bell.rung:
             self._bell.wait(timeout)
             return
+        if self._came is not None or self._ended or self._takeable():
+            return
         self._ticker.set(timeout)
         try:
-            self._receive(self._subscriber.recv(), monotonic())
-            self._just_came = True
+            self._came = self._subscriber.recv()
         finally:
-            self._ticker.clear()
+            self._ticker.due = None
 
     def wake(self) -> None:
         """End a wait."""
+        self.woken = True
         self._bell.ring()
         if not self._by_bell:
             self._wake_by_zenoh()
@@ -216,6 +244,9 @@ class Links:
     def drain(self, now: float) -> None:
         """Take in all that has come."""
         self._attend(self)
+        first, self._came = self._came, None
+        if first is not None:
+            self._receive(first, now)
         while (sample := self._subscriber.try_recv()) is not None:
             self._receive(sample, now)
 
@@ -227,7 +258,7 @@ class Links:
         """Send a text to the recorder (or to a group), if it is there."""
         link = self.by_name.get(group or RECORDER)
         if link is not None:
-            link.send(frames.NOTE, 0, 0, 0, 0, text.encode())
+            link.send(flags_of(frames.NOTE, link.index, 0), 0, 0, 0, text.encode())
 
     def left_early(self) -> set[str]:
         """Return the groups that stop, or have left, although streams have not ended."""
@@ -261,13 +292,9 @@ class Links:
         link = self.by_name.get(group)
         if link is None or link.closed:
             return
-        while link.arrived:  # what had arrived counts
-            self.ready.extend(self._open(link, link.take(monotonic())))
+        left = list(link.arrived)  # what had arrived counts
         link.close()
-        for inlet in self._inlets.values():
-            arrival = inlet.end(lost=lost) if inlet.sender == group else None
-            if arrival is not None:
-                self.ready.append(arrival)
+        self._ended.append((link, left, lost))
         self.wake()
 
     def close(self) -> None:
@@ -285,6 +312,26 @@ class Links:
 
     def _wake_by_zenoh(self) -> None:
         put(self._self, b"", attach(0, 0, 0, 0, frames.WAKE, 0, 0))
+
+    def _at_once(self, sample: Any, now: float) -> bool:
+        """Bring in a frame without a queue, if nothing stands before it; else take it in.
+
+        This is the way of almost every message of a live graph.
+        """
+        attachment = sample.attachment
+        head = b"" if attachment is None else attachment.to_bytes()
+        if len(head) == _SPLIT_SIZE:
+            sequence, first, bound, rows, flags = _split(head)
+            lane = self._lanes.get(flags)
+            if lane is not None and self.has_room():
+                link, inlet = lane
+                payload = sample.payload.to_bytes()
+                if link.pass_through(sequence, len(payload), now):
+                    inlet.bring(first, bound, rows, payload)
+                    self._owes_word |= link.owes_word
+                    return True
+        self._receive(sample, now)
+        return False
 
     def _receive(self, sample: Any, now: float) -> None:
         attachment = sample.attachment
@@ -311,16 +358,24 @@ class Links:
             if link.gone:
                 self.gone(link.peer)
 
-    def _open(self, link: Link, frame: Frame) -> list[Arrival]:
-        """Return what a frame brings, decoded."""
+    def _open(self, link: Link, frame: Frame) -> None:
+        """Bring in what a frame holds."""
         if frame.kind == frames.NOTE:
             self._on_note(link.peer, frame.payload.decode("utf-8", "replace"))
-            return []
+            return
         inlet = self._inlets.get(frame.stream)
         if inlet is None or inlet.sender != link.peer:
             self.losses[link.peer].undecodable += 1
-            return []
-        return inlet.open(frame)
+            return
+        inlet.bring(frame.first, frame.bound, frame.rows, frame.payload)
+
+    def _end(self, link: Link, left: list[Frame], lost: bool) -> None:
+        """End the streams of a group that is gone, behind what had arrived of them."""
+        for frame in left:
+            self._open(link, frame)
+        for inlet in self._inlets.values():
+            if inlet.sender == link.peer:
+                inlet.end(lost=lost)
 
     def _restarted(self, peer: str) -> None:
         for inlet in self._inlets.values():

@@ -10,8 +10,8 @@ import numpy as np
 
 from lodeflow.graph import Wire
 from lodeflow.messages.cdr import Layout
+from lodeflow.runtime.exchange import Port, Silent
 from lodeflow.sync import END, NEVER
-from lodeflow.transport import frame as frames
 from lodeflow.transport.link import Link
 from lodeflow.transport.losses import LinkLosses
 from lodeflow.transport.session import Payload
@@ -24,21 +24,23 @@ class Outlet:
     """A stream that other groups read.
 
     Args:
-        number: of the stream, the same in every group.
+        flags: of its frames.
         wire: the stream.
         layout: of its records.
         readers: the links to its readers, with what each of them loses.
 
     Attributes:
         queue: messages that are still to be sent, samples and blocks.
+        port: of the driver, which has the bound.
         bound: what the readers were told.
     """
 
     def __init__(
-        self, number: int, wire: Wire, layout: Layout, readers: Mapping[Link, LinkLosses]
+        self, flags: int, wire: Wire, layout: Layout, readers: Mapping[Link, LinkLosses]
     ) -> None:
-        self.number, self.wire, self.layout, self.readers = number, wire, layout, readers
+        self.flags, self.wire, self.layout, self.readers = flags, wire, layout, readers
         self.queue: deque[Any] = deque()
+        self.port: Port = Silent()
         self.bound = NEVER
 
     def send(self, bound: int) -> None:
@@ -75,8 +77,8 @@ class Outlet:
             if link.closed:
                 continue
             if not (link.latest and link.is_full):
-                link.send(frames.DATA, self.number, first, self.bound, count, payload)
+                link.send(self.flags, first, self.bound, count, payload)
                 continue
             losses.missed += count
             if self.bound == END:
-                link.send(frames.DATA, self.number, 0, END, 0, b"")
+                link.send(self.flags, 0, END, 0, b"")

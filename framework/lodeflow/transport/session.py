@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -17,6 +18,13 @@ RETRY = {"period_init_ms": 5, "period_max_ms": 50, "period_increase_factor": 2}
 """How soon a link that is down is tried again."""
 LEASE_MS = 2000
 """A peer that is silent for so long (frozen, or its cable cut) is taken for gone."""
+
+# Zenoh's way of a frame leads over three threads by default: who sees that a socket has something
+# wakes who reads it, who wakes a helper. One thread does all that here; it never runs our code. It
+# is read when the first session of a process is opened, and who has set it knows better.
+os.environ.setdefault(
+    "ZENOH_RUNTIME", "(acc: (handover: rx), net: (handover: rx), rx: (worker_threads: 1))"
+)
 
 PROFILE: Mapping[str, Any] = {
     "mode": "peer",

@@ -13,11 +13,14 @@ class Ticker:
 
     Args:
         ring: called on the ticker's own thread.
+
+    Attributes:
+        due: when it rings next, monotonic seconds; None for not at all. It may be set to None.
     """
 
     def __init__(self, ring: Callable[[], None]) -> None:
         self._ring = ring
-        self._due: float | None = None
+        self.due: float | None = None
         self._sleeps_until = float("inf")
         self._changed = threading.Condition()
         self._closed = False
@@ -25,16 +28,11 @@ class Ticker:
         self._thread.start()
 
     def set(self, seconds: float) -> None:
-        """Ring in so many seconds, if `clear` is not called before."""
-        due = monotonic() + seconds
-        with self._changed:
-            self._due = due
-            if due < self._sleeps_until:  # else it wakes in time by itself
+        """Ring in so many seconds, unless `due` is changed before."""
+        self.due = due = monotonic() + seconds
+        if due < self._sleeps_until:  # else it wakes in time by itself
+            with self._changed:
                 self._changed.notify()
-
-    def clear(self) -> None:
-        """Ring no more."""
-        self._due = None
 
     def close(self) -> None:
         """End the thread."""
@@ -46,13 +44,15 @@ class Ticker:
     def _work(self) -> None:
         with self._changed:
             while not self._closed:
-                due, now = self._due, monotonic()
+                # Before `due` is read: who sets it from here on sees this, and waits for the lock
+                # until we sleep, to wake us.
+                self._sleeps_until = float("inf")
+                due, now = self.due, monotonic()
                 if due is None:
-                    self._sleeps_until = float("inf")
                     self._changed.wait()
                 elif due > now:
                     self._sleeps_until = due
                     self._changed.wait(due - now)
                 else:
-                    self._due = None
+                    self.due = None
                     self._ring()

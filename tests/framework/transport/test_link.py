@@ -59,11 +59,14 @@ class Network:
                 assert frame is not None
                 times = 0 if self.rng.random() < self.loss else self.rng.choice([1, 1, 1, 2])
                 for _ in range(times):
-                    self.ends[peer].receive(frame, self.now)
+                    self.deliver(peer, frame)
         for end in self.ends.values():
             joined = end.joined
             end.ready = joined
             end.tend(self.now)
+
+    def deliver(self, peer: str, frame: Frame) -> None:
+        self.ends[peer].receive(frame, self.now)
 
     def join(self) -> None:
         for _ in range(1000):
@@ -74,7 +77,7 @@ class Network:
 
 
 def send(link: Link, text: str) -> None:
-    link.send(frames.DATA, 0, 0, 0, 1, text.encode())
+    link.send(frames.flags_of(frames.DATA, link.index, 0), 0, 0, 1, text.encode())
 
 
 def taken(link: Link, now: float) -> list[str]:
@@ -86,6 +89,60 @@ def test_an_attachment_has_32_bytes_and_comes_back() -> None:
     assert len(data) == 32
     assert read(data, b"x") == Frame(2**63 + 5, -7, 2**62, 9, frames.NOTE, 1023, 2**18 - 1, b"x")
     assert read(data[:-1], b"x") is None
+
+
+class Passing(Network):
+    """One that lets frames through where it can, but not always tries."""
+
+    def __init__(self, rng: random.Random, loss: float) -> None:
+        self.got: list[str] = []
+        self.passed = 0
+        super().__init__(rng, loss)
+
+    def deliver(self, peer: str, frame: Frame) -> None:
+        end = self.ends[peer]
+        tries = frame.kind in frames.NUMBERED and self.rng.random() < 0.7
+        if tries and end.pass_through(frame.sequence, len(frame.payload), self.now):
+            self.passed += 1
+            self.got.append(frame.payload.decode())
+            return
+        super().deliver(peer, frame)
+        if self.rng.random() < 0.5:
+            self.got += taken(end, self.now)
+
+
+@SETTINGS
+@given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.integers(1, 60))
+def test_frames_that_pass_through_keep_their_place(seed: int, loss: float, count: int) -> None:
+    network = Passing(random.Random(seed), loss)
+    network.join()
+    a, b = network.ends["a"], network.ends["b"]
+    sent = [f"{i}" for i in range(count)]
+    for text in sent:
+        send(a, text)
+    for _ in range(2000):
+        network.got += taken(b, network.now)
+        if not a.waiting:
+            break
+        network.move(0.05)
+    assert network.got == sent
+    assert not a.waiting  # what passed through is acknowledged too
+
+
+def test_only_the_next_frame_passes_through() -> None:
+    network = Passing(random.Random(1), 0.0)
+    network.join()
+    b = network.ends["b"]
+    first = network.ends["a"].incarnation << frames.COUNT_BITS
+    assert not b.pass_through(first + 1, 5, network.now)  # one is missing
+    assert not b.pass_through(first + (1 << frames.COUNT_BITS), 5, network.now)  # of another
+    assert b.pass_through(first, 5, network.now)
+    assert not b.pass_through(first, 5, network.now)  # it came twice
+    data = attach(first + 1, 0, 0, 1, frames.DATA, 0, 0)
+    b.receive(read(data, b"hello") or pytest.fail("no frame"), network.now)
+    assert not b.pass_through(first + 2, 5, network.now)  # one waits before it
+    assert taken(b, network.now) == ["hello"]
+    assert b.pass_through(first + 2, 5, network.now)
 
 
 @SETTINGS

@@ -29,7 +29,7 @@ class Reader(SimpleNamespace):
     def is_full(self) -> bool:
         return len(self.sent) >= self.window
 
-    def send(self, kind: int, stream: int, first: int, bound: int, count: int, data: bytes) -> None:
+    def send(self, flags: int, first: int, bound: int, count: int, data: bytes) -> None:
         self.sent.append((first, bound, count, len(data)))
 
 
