@@ -6,6 +6,7 @@ import itertools
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -164,7 +165,8 @@ class Engine:
         read = feeds(at_rest, self.clock, self.duration)
         files = [_Paced(driver, node, read[node.name]) for node in at_rest]
         until = END if self.duration is None else self.clock.start + self.duration
-        live = [LiveFeed(node, self.clock, self.exchange.wake, until) for node in self.live]
+        wake = partial(self.exchange.wake, look=False)
+        live = [LiveFeed(node, self.clock, wake, until) for node in self.live]
         self.inboxes = live
         pacer = Pacer(1.0 if self.speed is None else self.speed)
         for feed in live:

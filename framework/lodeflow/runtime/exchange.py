@@ -97,8 +97,12 @@ class Exchange(Protocol):
     def wait(self, timeout: float) -> None:
         """Wait until something comes, `wake` is called, or the time is up (seconds)."""
 
-    def wake(self) -> None:
-        """End a wait; safe in a signal handler and in any thread."""
+    def wake(self, *, look: bool = True) -> None:
+        """End a wait; safe in a signal handler and in any thread.
+
+        Args:
+            look: something has been asked for. Else there is only data to bring in.
+        """
 
 
 class Bell:
@@ -158,7 +162,7 @@ class Alone:
         """Wait for `wake`, or until the time is up."""
         self._bell.wait(timeout)
 
-    def wake(self) -> None:
+    def wake(self, *, look: bool = True) -> None:
         """End a wait."""
         self._bell.ring()
 

@@ -52,7 +52,7 @@ class Links:
     Attributes:
         losses: per link, what did not arrive.
         foreign: messages of strangers on our keys; they are ignored.
-        woken: whether `wake` was called since this was last set to False.
+        woken: whether `wake` has asked for a look since this was last set to False.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class Links:
         self._on_note = on_note
         self._attend = attend
         self._leaving: set[Link] = set()
-        self._said_stop = self._tended = 0.0
+        self._said_stop = self._tended = self._drained = 0.0
         self._came: Any = None
         self._ended: deque[tuple[Link, list[Frame], bool]] = deque()
         self._notes: deque[str] = deque()
@@ -168,6 +168,8 @@ class Links:
     def take(self) -> bool:
         """Bring in what has come and may be worked on now; return whether anything was."""
         now = monotonic()
+        if self._by_bell and now - self._drained < TEND_EVERY:
+            return False  # what the links say can wait
         first, self._came = self._came, None  # what ended a wait, before all else
         if first is None:
             self.drain(now)
@@ -232,9 +234,10 @@ class Links:
         finally:
             self._ticker.due = None
 
-    def wake(self) -> None:
+    def wake(self, *, look: bool = True) -> None:
         """End a wait."""
-        self.woken = True
+        if look:
+            self.woken = True
         self._bell.ring()
         if not self._by_bell:
             self._wake_by_zenoh()
@@ -243,6 +246,7 @@ class Links:
 
     def drain(self, now: float) -> None:
         """Take in all that has come."""
+        self._drained = now
         self._attend(self)
         first, self._came = self._came, None
         if first is not None:

@@ -124,6 +124,17 @@ def test_a_message_that_ends_a_wait_is_taken_at_once(pair: Pair) -> None:
     assert taken(pair) == [(lf.Heading(5, 1.0), 7)]
 
 
+def test_what_only_brings_data_ends_a_wait_and_asks_for_nothing_else(pair: Pair) -> None:
+    pair.meet()
+    for look in (False, True):
+        pair.second.take()
+        begun = time.monotonic()
+        pair.second.wake(look=look)
+        pair.second.wait(5.0)
+        assert time.monotonic() - begun < 4.0
+        assert pair.second.woken == look
+
+
 def test_no_frame_is_lost_between_two_waits(pair: Pair) -> None:
     pair.meet()
     pair.first.attach(Driver(), lambda first, last: None)  # type: ignore[arg-type]
