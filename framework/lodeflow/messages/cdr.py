@@ -171,14 +171,17 @@ class Layout:
         ]
         floats: list[str] = []
         joined: list[str] = []
-        for field in self.kind.fields:
+        body = f"    sec, nanosec = divmod(m.t, {NANOSECONDS})\n"
+        for index, field in enumerate(self.kind.fields):
             code = _CODES.get(field.ros, "d")
             value = f"m.{field.name}"
             if field.size > PACKED_VALUES:
                 joined.append(field.name)
                 pieces.append((self.offsets[field.name], f"{8 * field.size}x", field.name))
                 continue
-            value = value if not field.shape else f"*{value}.ravel().tolist()"
+            if field.shape:
+                body += f"    v{index} = {value}.ravel().tolist()\n"
+                value = f"*v{index}"
             count = field.size if field.shape else ""
             pieces.append((self.offsets[field.name], f"{count}{code}", value))
             if not field.integer:
@@ -210,7 +213,6 @@ class Layout:
                 layout += code
                 arguments.append(value)
         close()
-        body = f"    sec, nanosec = divmod(m.t, {NANOSECONDS})\n"
         for name in joined:
             body += f"    {name} = plain(m.{name}, own)\n"
             body += f"    if isnan({name}.min()):\n        return slow(m)\n"

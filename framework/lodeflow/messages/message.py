@@ -298,7 +298,7 @@ def _finish(cls: type[Message], ros: str) -> None:
         if not 0 <= value <= 255:
             raise MessageError(f"{cls.__name__}.{name} must be from 0 to 255, got {value}")
     definition(cls)
-    _generate(cls)
+    _generate_when_used(cls)
     by_ros_name[ros] = cls
 
 
@@ -309,6 +309,16 @@ def _hints(cls: type[Message]) -> dict[str, Any]:
         if issubclass(base, Message) and base is not Message:
             found |= inspect.get_annotations(base, eval_str=True)
     return found
+
+
+def _generate_when_used(cls: type[Message]) -> None:
+    """Generate the methods when the first message is made: a program uses few of the types."""
+
+    def first_made(self: Message, *values: Any, **named: Any) -> None:
+        _generate(cls)
+        cls.__init__(self, *values, **named)
+
+    cls.__init__ = first_made  # type: ignore[method-assign]
 
 
 def _generate(cls: type[Message]) -> None:
