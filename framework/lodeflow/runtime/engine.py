@@ -204,8 +204,8 @@ class Engine:
                 live = [inbox for inbox in live if inbox.intake.floor < END]
                 wait = min(wait, self._push_due(driver, files, pacer))
             self.exchange.flush()
-            # What comes behind a flush competes with what it sends for a processor, and what comes
-            # before it delays that: so little does.
+            # Little is done from here to the wait: it would compete for a processor with the
+            # threads that carry what was sent.
             if not (files or live or self.exchange.is_open()):
                 return
             if wait > 0:
@@ -279,21 +279,21 @@ class _Paced:
         """Bring in the messages of the next stamp, and promise that nothing follows soon."""
         for port, sample in self.next:
             self.outputs[port].send(sample, sample.t)
-        self.t, self.next = self.ahead.popleft() if self.ahead else self._read()
+        self.t, self.next = self._read()
         for output in self.outputs:
             output.promise(self.t)
 
     def _read(self) -> tuple[int, list[tuple[int, Any]]]:
         """Return the stamp after those read so far, and its messages; END if there is none."""
         while not self.ahead:
-            self.ahead.extend(itertools.islice(self.rows, AHEAD))
-            if self.ahead:
-                break
-            if self.bound == END:
+            if found := list(itertools.islice(self.rows, AHEAD)):
+                self.ahead.extend(found)
+            elif self.bound == END:
                 return END, []
-            batch = next(self.batches)
-            self.bound = batch.bound
-            self.rows = _by_stamp(batch)
+            else:
+                batch = next(self.batches)
+                self.bound = batch.bound
+                self.rows = _by_stamp(batch)
         return self.ahead.popleft()
 
     def close(self) -> None:

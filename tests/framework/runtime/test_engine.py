@@ -260,7 +260,7 @@ def test_pacing_holds_no_message_back_until_the_next_one() -> None:
 
 
 def test_what_a_paced_source_gave_before_it_failed_goes_on_its_way() -> None:
-    """It is read one stamp ahead: the failure is found before the last stamp is due."""
+    """What follows the last stamp is read once that has been sent."""
     step = 5_000_000
     plan = Plan(graph(s=source(ramp(3, step), OSError("unplugged")), copy=(Copy, {"x": "s"})))
     sent = tapped(plan, "copy")
