@@ -315,14 +315,16 @@ def _generate_when_used(cls: type[Message]) -> None:
     """Generate the methods when the first message is made: a program uses few of the types."""
 
     def first_made(self: Message, *values: Any, **named: Any) -> None:
-        _generate(cls)
+        generate(cls)
         cls.__init__(self, *values, **named)
 
     cls.__init__ = first_made  # type: ignore[method-assign]
 
 
-def _generate(cls: type[Message]) -> None:
+def generate(cls: type[Message]) -> None:
     """Write the methods that every message passes through, without loops over fields.
+
+    Whoever makes a message without its constructor calls this before; again does no harm.
 
     A constructor that goes through `__setattr__` or a loop costs several times as much as one
     that calls the slots' own setters.

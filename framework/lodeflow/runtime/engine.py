@@ -197,43 +197,39 @@ class Engine:
                     self.exchange.flush()
                     return
             wait = TICK
-            if self.exchange.has_room():
+            if has_room := self.exchange.has_room():
                 for inbox in live:
                     for batch in inbox.drain():
                         self._push_rows(driver, inbox.node.name, batch)
                 live = [inbox for inbox in live if inbox.intake.floor < END]
-                wait = min(wait, self._push_due(driver, files, pacer))
+                self._push_due(files, pacer)
             self.exchange.flush()
             # Little is done from here to the wait: it would compete for a processor with the
             # threads that carry what was sent.
             if not (files or live or self.exchange.is_open()):
                 return
+            if files and has_room:
+                wait = pacer.remaining(_next(files).t)
             if wait > 0:
                 self.exchange.wait(min(wait, TICK))
 
-    def _push_due(self, driver: SampleDriver, files: list[_Paced], pacer: Pacer) -> float:
-        """Bring in what is due, for no longer than `BURST`; return the seconds until more is."""
-        until, limit = 0.0, NEVER
+    def _push_due(self, files: list[_Paced], pacer: Pacer) -> None:
+        """Bring in what is due by now, for no longer than `BURST`."""
+        if not files or pacer.remaining((due := _next(files)).t) > 0:
+            return
+        limit, until = pacer.reached(), monotonic() + BURST
         for _ in range(BURST_STAMPS):
-            if not files:
-                return TICK
-            due = files[0] if len(files) == 1 else min(files, key=lambda feed: feed.t)
-            if due.t > limit:
-                wait = pacer.remaining(due.t)
-                if wait > 0:
-                    return wait
-                limit = pacer.reached()
-            if not until:
-                until = monotonic() + BURST
-            else:
-                self.watch(self.reached)  # as between any two stamps
-                if self.stopping.is_set() or monotonic() > until:
-                    break
             self._saw(due.t, due.t)
             due.push()
             if due.t == END:
                 files.remove(due)
-        return 0.0 if files else TICK
+                if not files:
+                    return
+            if (due := _next(files)).t > limit:
+                return
+            self.watch(self.reached)  # as between any two stamps
+            if self.stopping.is_set() or monotonic() > until:
+                return
 
     def _end_sources(self, driver: SampleDriver, files: list[_Paced], live: list[LiveFeed]) -> None:
         for feed in files:
@@ -279,7 +275,7 @@ class _Paced:
         """Bring in the messages of the next stamp, and promise that nothing follows soon."""
         for port, sample in self.next:
             self.outputs[port].send(sample, sample.t)
-        self.t, self.next = self._read()
+        self.t, self.next = self.ahead.popleft() if self.ahead else self._read()
         for output in self.outputs:
             output.promise(self.t)
 
@@ -299,6 +295,11 @@ class _Paced:
     def close(self) -> None:
         """Let the source release what it holds."""
         self.batches.close()
+
+
+def _next(files: list[_Paced]) -> _Paced:
+    """Return the source whose stamp is next."""
+    return files[0] if len(files) == 1 else min(files, key=lambda feed: feed.t)
 
 
 def _by_stamp(batch: Batch) -> Iterator[tuple[int, list[tuple[int, Any]]]]:

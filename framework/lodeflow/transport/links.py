@@ -85,6 +85,10 @@ class Links:
             for peer in part.peers
         }
         self.by_name = {link.peer: link for link in self.links.values()}
+        readers = {RECORDER}.union(*part.outlets.values())
+        self._held_by = [
+            link for name, link in self.by_name.items() if name in readers and not link.latest
+        ]
         wires = list(graph.streams())
         kinds = {
             Wire(node.name, port.name): port.type
@@ -200,8 +204,8 @@ class Links:
 
     def has_room(self) -> bool:
         """Whether all readers keep up."""
-        for link in self.links.values():  # a generator costs more than all else
-            if link.is_full and not link.latest:
+        for link in self._held_by:  # a generator costs more than all else
+            if link.is_full:
                 self._room = False
                 return False
         self._room = True

@@ -302,3 +302,34 @@ def test_decoded_columns_do_not_depend_on_how_the_records_lie() -> None:
     decoded.validate()
     assert decoded == block[::2]
     assert all(column.flags.owndata for column in (decoded.t, *decoded.values()))
+
+
+def test_a_type_whose_first_message_comes_from_elsewhere() -> None:
+    class Unmade(lf.Message, ros="test_cdr_msgs/msg/Unmade"):
+        field: lf.Vector3[lf.Tesla]
+        count: lf.UInt32
+
+    record = bytes.fromhex("0001000002000000010000000100000000000000")
+    record += struct.pack("<3dI", 1.0, 2.0, 3.0, 7)
+    sample = layout_of(Unmade).decode_sample(record)
+    assert sample.t == 2_000_000_001
+    assert sample == Unmade(2_000_000_001, np.array([1.0, 2.0, 3.0]), 7)
+    assert sample.replace(count=8).values()[1] == 8
+
+
+@pytest.mark.parametrize("kind", [lf.Imu, Wide], ids=lambda kind: kind.__name__)
+def test_arrays_of_a_decoded_sample_are_as_those_of_any_other(kind: type[Message]) -> None:
+    sample = layout_of(kind).decode_sample(layout_of(kind).encode_sample(kind.of(1)))
+    sample.validate()
+    for field in kind.fields:
+        if field.shape:
+            assert getattr(sample, field.name).flags.aligned
+            assert getattr(sample, field.name).flags.writeable
+
+
+@pytest.mark.parametrize(
+    "broken", [None, [1.0, 2.0, 3.0], np.zeros((3, 1)), np.zeros(2), np.array(["a", "b", "c"])]
+)
+def test_what_is_no_vector_is_refused_as_a_message(broken: Any) -> None:
+    with pytest.raises(MessageError, match="RawRate does not fit"):
+        layout_of(lf.RawRate).encode_sample(lf.RawRate(1, broken))
