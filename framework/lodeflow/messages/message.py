@@ -271,7 +271,10 @@ def _validate_field(message: Message, field: FieldSpec, value: Any, block: bool)
         message._refuse(field.name, "a float", value)
     if field.integer:
         low, high = INTEGER_RANGES[field.ros]
-        if np.any(np.less(value, low)) or np.any(np.greater(value, high)):
+        least = most = value
+        if isinstance(value, np.ndarray):
+            least, most = value.min(initial=high), value.max(initial=low)
+        if least < low or most > high:
             message._refuse(field.name, f"from {low} to {high}", value)
 
 

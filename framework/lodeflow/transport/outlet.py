@@ -16,7 +16,7 @@ from lodeflow.transport.link import Link
 from lodeflow.transport.losses import LinkLosses
 from lodeflow.transport.session import Payload
 
-FRAME_BYTES = 256 << 10
+FRAME_BYTES = 1 << 20
 """Size of the frames, about, into which a larger block is cut."""
 
 
