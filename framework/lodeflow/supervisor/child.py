@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import logging
 import os
 import signal
@@ -102,6 +103,9 @@ def _keep_memory() -> None:
 
 
 def _run(pipe: Pipe, work: Work) -> int:
+    # What was imported before the fork is no garbage: to look it through again would hold up the
+    # data (with numba and scipy for a tenth of a second), and copy the memory that is shared.
+    gc.freeze()
     _keep_memory()
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor hears Ctrl-C, and asks us
