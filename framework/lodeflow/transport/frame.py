@@ -15,7 +15,8 @@ HELLO = 1
 ACK = 2
 """All before this number has been taken; not in sequence."""
 AGAIN = 3
-"""Likewise, and send again from the number in `bound` on; not in sequence."""
+"""Likewise, and send again from the number in `bound` on; not in sequence. `rows` is the turn of
+the last probe."""
 STOP = 4
 """I have been told to stop, and my host with me; not in sequence."""
 NOTE = 5
@@ -28,7 +29,8 @@ GONE = 8
 """I end with things unsaid, and will not come back; not in sequence."""
 
 PROBE = 9
-"""What have you got? All before the number in `bound` was sent; not in sequence."""
+"""What have you got? All before the number in `bound` was sent; not in sequence. `rows` is the
+turn: how often the sender has sent something again."""
 
 NUMBERED = (DATA, NOTE)
 """Kinds that come in sequence, and again if they are lost."""

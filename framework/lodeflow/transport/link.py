@@ -35,6 +35,8 @@ PROBE_AFTER, PROBE_MOST = 0.2, 1.0
 It may only be slow, so nothing is sent again unasked."""
 AGAIN_FRAMES, AGAIN_BYTES = 256, 4 << 20
 """How much is sent again at once; the other side then says what it has."""
+TURNS = 1 << 32
+"""Where turns begin at 0 again."""
 
 _pack = frames.ATTACHMENT.pack
 _HELLO = struct.Struct("<QQQB16s")
@@ -113,7 +115,9 @@ class Link:
         self._taken = 0
         self._taken_bytes = 0
         self._taken_since = 0.0
-        self._asked = (-1, 0.0)
+        self._asked = (-1, 0, 0.0)
+        self._heard_turn = 0
+        self._turn, self._again = 0, -1
         self._next = 0
         self._unacked: deque[tuple[int, bytes, Payload, int]] = deque()
         self._bytes = self._rows = 0
@@ -194,11 +198,15 @@ class Link:
             return  # of an earlier incarnation, or before its hello
         if frame.kind in (frames.ACK, frames.AGAIN):
             self._acknowledged(frame.first, now)  # received is not yet taken
-            if frame.kind == frames.AGAIN:
+            # What was sent again may still be on its way, on a slow link for long: it goes once
+            # more only if the probe that went behind it has come, and it has not.
+            is_new = frame.bound != self._again or frame.rows == self._turn
+            if frame.kind == frames.AGAIN and is_new:
                 self._send_again(now, since=frame.bound)
             return
         if frame.kind == frames.PROBE:
             # Frames come in the order in which they were sent: what is not here now was lost.
+            self._heard_turn = frame.rows
             if frame.bound > self._expected:
                 self._ask(now)
             else:
@@ -282,7 +290,7 @@ class Link:
         elif now - self._progress >= self._patience:
             self._patience = min(2 * self._patience, PROBE_MOST)
             self._progress = now
-            self._say(frames.PROBE, 0, self._next)
+            self._probe()
 
     def greet(self, now: float) -> None:
         """Tell the other side what it may not know yet."""
@@ -313,13 +321,18 @@ class Link:
 
     def _ask(self, now: float) -> None:
         """Ask for what was lost, but not with each frame that comes behind it."""
-        if self._asked[0] != self._expected or now - self._asked[1] > HELLO_EVERY:
-            self._asked = (self._expected, now)
-            self._say(frames.AGAIN, self._done, self._expected)
+        number, turn, when = self._asked
+        if (number, turn) != (self._expected, self._heard_turn) or now - when > HELLO_EVERY:
+            self._asked = (self._expected, self._heard_turn, now)
+            self._say(frames.AGAIN, self._done, self._expected, self._heard_turn)
 
-    def _say(self, kind: int, done: int, missing: int = 0) -> None:
+    def _probe(self) -> None:
+        """Ask the other side what it has got of all that was sent before this."""
+        self._say(frames.PROBE, 0, self._next, self._turn)
+
+    def _say(self, kind: int, done: int, number: int = 0, turn: int = 0) -> None:
         sequence = self.incarnation << COUNT_BITS
-        put(self.publisher, b"", attach(sequence, done, missing, 0, kind, self.index, 0))
+        put(self.publisher, b"", attach(sequence, done, number, turn, kind, self.index, 0))
 
     def _hear(self, payload: bytes, now: float) -> None:
         if len(payload) != _HELLO.size:
@@ -334,7 +347,8 @@ class Link:
             self.restarts += bool(self._theirs)
             self._theirs = hello.incarnation
             self._expected = self._done = hello.base
-            self._asked = (-1, 0.0)
+            self._asked = (-1, 0, 0.0)
+            self._heard_turn = 0
             self._taken = self._taken_bytes = 0
             self.joined = self.peer_ready = self._knows = self.departed = False
             self._greeted = 0.0
@@ -364,12 +378,14 @@ class Link:
     def _send_again(self, now: float, since: int = 0) -> None:
         """Send frames from a number on again, as many as is reasonable at once."""
         self._progress = now
+        self._again, self._turn = since, (self._turn + 1) % TURNS
         lost = [one for one in self._unacked if one[0] >= since]
         size = 0
-        for count, (_, attachment, payload, _) in enumerate(lost):
-            if count == AGAIN_FRAMES or size >= AGAIN_BYTES:
-                self._say(frames.PROBE, 0, self._next)  # the answer asks for the rest
-                return
+        for _, attachment, payload, _ in lost[:AGAIN_FRAMES]:
+            if size >= AGAIN_BYTES:
+                break
             size += len(payload)
             self.sent_again += 1
             put(self.publisher, payload, attachment)
+        if lost:
+            self._probe()  # the answer asks for the rest, and for what was lost once more

@@ -118,7 +118,7 @@ def test_frames_that_pass_through_keep_their_place(seed: int, loss: float, count
     sent = [f"{i}" for i in range(count)]
     for text in sent:
         send(a, text)
-    for _ in range(2000):
+    for _ in range(5000):
         network.got += taken(b, network.now)
         if not a.waiting:
             break
@@ -335,3 +335,45 @@ def test_incarnations_wrap(one: int, other: int) -> None:
     assert newer(one, other)
     assert not newer(other, one)
     assert not newer(one, one)
+
+
+class Slow(Network):
+    """One that keeps the order, carries little at a time, and drops what it has no room for."""
+
+    ROOM = 12
+
+    def move(self, seconds: float = 0.01) -> None:
+        self.now += seconds
+        for name, peer in (("a", "b"), ("b", "a")):
+            queue = self.wires[name].queue
+            while len(queue) > self.ROOM:
+                queue.pop()
+            if queue:
+                frame = read(*queue.popleft())
+                assert frame is not None
+                self.deliver(peer, frame)
+        for end in self.ends.values():
+            end.ready = end.joined
+            end.tend(self.now)
+
+
+def test_on_a_slow_network_little_is_sent_twice() -> None:
+    network = Slow(random.Random(1))
+    network.join()
+    a, b = network.ends["a"], network.ends["b"]
+    for _ in range(200):
+        network.move(HELLO_EVERY)  # until the last greetings are through
+    sent = [f"{i}" for i in range(200)]
+    waiting = deque(sent)
+    found: list[str] = []
+    moves = 0
+    while len(found) < len(sent):
+        while waiting and a.waiting < 3 * Slow.ROOM:
+            send(a, waiting.popleft())
+        network.move(0.2)
+        found += taken(b, network.now)
+        moves += 1
+        assert moves < 5 * len(sent)
+    assert found == sent
+    assert a.sent_again > 0
+    assert moves < 2 * len(sent)
