@@ -1,6 +1,6 @@
 """Time the quaternion Kalman filter beside vqf, imufusion and ahrs (Madgwick) on one record.
 
-    python benchmarks/fuser.py [--samples 20480] [--rounds 7] [--block 4096] [--json]
+    python benchmarks/fuser.py [--samples 40960] [--rounds 7] [--block 8192] [--json]
 
 The record is the simulated vehicle at 100 Hz with noise on all sensors. A filter takes it in
 blocks, or sample by sample through Python, as a live node does; each time holds the quaternions
@@ -297,9 +297,9 @@ def compete(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--samples", type=int, default=20_480)
+    parser.add_argument("--samples", type=int, default=40_960)
     parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--block", type=int, default=4096)  # as a run gathers
+    parser.add_argument("--block", type=int, default=8192)  # as a run gathers
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
 
