@@ -16,7 +16,7 @@ ACK = 2
 """All before this number has been taken; not in sequence."""
 AGAIN = 3
 """Likewise, and send again from the number in `bound` on; not in sequence. `rows` is the turn of
-the last probe."""
+the last probe, or SURE."""
 STOP = 4
 """I have been told to stop, and my host with me; not in sequence."""
 NOTE = 5

@@ -35,8 +35,8 @@ PROBE_AFTER, PROBE_MOST = 0.2, 1.0
 It may only be slow, so nothing is sent again unasked."""
 AGAIN_FRAMES, AGAIN_BYTES = 256, 4 << 20
 """How much is sent again at once; the other side then says what it has."""
-TURNS = 1 << 32
-"""Where turns begin at 0 again."""
+SURE = (1 << 32) - 1
+"""In place of a turn: what was sent again has gone by, without what is missing."""
 
 _pack = frames.ATTACHMENT.pack
 _HELLO = struct.Struct("<QQQB16s")
@@ -116,7 +116,7 @@ class Link:
         self._taken_bytes = 0
         self._taken_since = 0.0
         self._asked = (-1, 0, 0.0)
-        self._heard_turn = 0
+        self._heard_turn, self._latest = 0, -1
         self._turn, self._again = 0, -1
         self._next = 0
         self._unacked: deque[tuple[int, bytes, Payload, int]] = deque()
@@ -199,8 +199,8 @@ class Link:
         if frame.kind in (frames.ACK, frames.AGAIN):
             self._acknowledged(frame.first, now)  # received is not yet taken
             # What was sent again may still be on its way, on a slow link for long: it goes once
-            # more only if the probe that went behind it has come, and it has not.
-            is_new = frame.bound != self._again or frame.rows == self._turn
+            # more only if something that went behind it has come, and it has not.
+            is_new = frame.bound != self._again or frame.rows in (self._turn, SURE)
             if frame.kind == frames.AGAIN and is_new:
                 self._send_again(now, since=frame.bound)
             return
@@ -254,7 +254,9 @@ class Link:
             self._expected = number + 1
             self.arrived.append(frame)
         elif number > self._expected:
-            self._ask(now)
+            # Numbers fall back only where frames are sent again.
+            went_by, self._latest = number < self._latest, number
+            self._ask(now, sure=went_by)
         else:  # it came twice: the acknowledgement may have been lost
             self._taken_since = self._taken_since or now
             self._taken = max(self._taken, 1)
@@ -319,12 +321,14 @@ class Link:
         self.arrived.clear()
         self._bytes = self._rows = 0
 
-    def _ask(self, now: float) -> None:
+    def _ask(self, now: float, *, sure: bool = False) -> None:
         """Ask for what was lost, but not with each frame that comes behind it."""
         number, turn, when = self._asked
-        if (number, turn) != (self._expected, self._heard_turn) or now - when > HELLO_EVERY:
+        is_new = (number, turn) != (self._expected, self._heard_turn)
+        if sure or is_new or now - when > HELLO_EVERY:
             self._asked = (self._expected, self._heard_turn, now)
-            self._say(frames.AGAIN, self._done, self._expected, self._heard_turn)
+            turn = SURE if sure else self._heard_turn
+            self._say(frames.AGAIN, self._done, self._expected, turn)
 
     def _probe(self) -> None:
         """Ask the other side what it has got of all that was sent before this."""
@@ -348,7 +352,7 @@ class Link:
             self._theirs = hello.incarnation
             self._expected = self._done = hello.base
             self._asked = (-1, 0, 0.0)
-            self._heard_turn = 0
+            self._heard_turn, self._latest = 0, -1
             self._taken = self._taken_bytes = 0
             self.joined = self.peer_ready = self._knows = self.departed = False
             self._greeted = 0.0
@@ -378,7 +382,7 @@ class Link:
     def _send_again(self, now: float, since: int = 0) -> None:
         """Send frames from a number on again, as many as is reasonable at once."""
         self._progress = now
-        self._again, self._turn = since, (self._turn + 1) % TURNS
+        self._again, self._turn = since, (self._turn + 1) % SURE
         lost = [one for one in self._unacked if one[0] >= since]
         size = 0
         for _, attachment, payload, _ in lost[:AGAIN_FRAMES]:
