@@ -85,7 +85,7 @@ class Links:
             for peer in part.peers
         }
         self.by_name = {link.peer: link for link in self.links.values()}
-        readers = {RECORDER}.union(*part.outlets.values())
+        readers = {RECORDER}.union(*part.outlets.values())  # who gets the notes may fall behind too
         self._held_by = [
             link for name, link in self.by_name.items() if name in readers and not link.latest
         ]

@@ -17,7 +17,8 @@ from lodeflow.transport.losses import LinkLosses
 from lodeflow.transport.session import Payload
 
 FRAME_BYTES = 1 << 20
-"""Size of the frames, about, into which a larger block is cut."""
+"""Size of the frames, about, into which a larger block is cut; each costs a put, a wake and an
+acknowledgement, whatever its size."""
 
 
 class Outlet:
