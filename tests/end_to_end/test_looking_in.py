@@ -226,6 +226,7 @@ def test_garbage_on_its_keys_does_a_run_no_harm(toy: CommandLine, way: str) -> N
             for group in ("main", "sum", "recorder"):
                 stranger.put(f"@lodeflow/toy/control/{group}", data)
                 stranger.put(f"@lodeflow/toy/to/{group}/ticks", data, attachment=bytes(32))
+                stranger.put(f"@lodeflow/toy/to/{group}/ticks", data)
             replies = list(stranger.get("@lodeflow/toy/control/*", payload=data, timeout=5.0))
             assert all(b"error" in reply.ok.payload.to_bytes() for reply in replies)
     stranger.close()  # type: ignore[no-untyped-call]

@@ -1,12 +1,19 @@
-"""Frames: what travels over a key. A payload of whole CDR records, and a fixed-size attachment."""
+"""Frames: what travels over a key. A payload of whole CDR records, and a head of fixed size.
+
+On the key of a stream the head is the attachment, so that everybody can read the records. On the
+key of a link the head of a small frame stands before the records: Zenoh takes longer for a put that
+has an attachment, by about a twentieth of the way of a small message.
+"""
 
 from __future__ import annotations
 
 import struct
 from typing import NamedTuple
 
-ATTACHMENT = struct.Struct("<QqqII")
+HEAD = struct.Struct("<QqqII")
 """Sequence, first stamp, bound, count, flags: 32 bytes, little endian."""
+SMALL = 4096
+"""Bytes of a payload up to which its head stands before it; a larger one would be copied for it."""
 
 DATA = 0
 """Records of one stream, or none: then only its bound."""
@@ -31,6 +38,9 @@ GONE = 8
 PROBE = 9
 """What have you got? All before the number in `bound` was sent; not in sequence. `rows` is the
 turn: how often the sender has sent something again."""
+
+Payload = bytes | bytearray
+"""What is put; Zenoh copies it, and a link keeps it to send it again."""
 
 NUMBERED = (DATA, NOTE)
 """Kinds that come in sequence, and again if they are lost."""
@@ -67,11 +77,11 @@ class Frame(NamedTuple):
     payload: bytes
 
 
-def attach(
+def head_of(
     sequence: int, first: int, bound: int, count: int, kind: int, group: int, stream: int
 ) -> bytes:
-    """Return the attachment of a frame."""
-    return ATTACHMENT.pack(sequence, first, bound, count, flags_of(kind, group, stream))
+    """Return the head of a frame."""
+    return HEAD.pack(sequence, first, bound, count, flags_of(kind, group, stream))
 
 
 def flags_of(kind: int, group: int, stream: int) -> int:
@@ -79,11 +89,23 @@ def flags_of(kind: int, group: int, stream: int) -> int:
     return kind | group << KIND_BITS | stream << STREAM_SHIFT
 
 
-def read(attachment: bytes, payload: bytes) -> Frame | None:
-    """Return the frame, or None if the attachment is none of ours."""
-    if len(attachment) != ATTACHMENT.size:
+def read(head: bytes, payload: bytes) -> Frame | None:
+    """Return the frame, or None if the head is none of ours."""
+    if len(head) != HEAD.size:
         return None
-    sequence, first, bound, count, flags = ATTACHMENT.unpack(attachment)
+    sequence, first, bound, count, flags = HEAD.unpack(head)
     kind, group = flags & (1 << KIND_BITS) - 1, flags >> KIND_BITS & (1 << GROUP_BITS) - 1
     fields = (sequence, first, bound, count, kind, group, flags >> STREAM_SHIFT, payload)
     return tuple.__new__(Frame, fields)  # at half the cost of a call
+
+
+def join(head: bytes, payload: Payload) -> tuple[Payload, bytes | None]:
+    """Return what a link puts for a frame: payload and attachment."""
+    return (head + payload, None) if len(payload) <= SMALL else (payload, head)
+
+
+def part(payload: bytes, attachment: bytes | None) -> Frame | None:
+    """Return the frame for which a link has put this, or None if it is none of ours."""
+    if attachment is None:
+        return read(payload[: HEAD.size], payload[HEAD.size :])
+    return read(attachment, payload)

@@ -14,8 +14,16 @@ from typing import Any, NamedTuple
 import zenoh
 
 from lodeflow.transport import frame as frames
-from lodeflow.transport.frame import COUNT_BITS, COUNT_MASK, INCARNATIONS, Frame, attach
-from lodeflow.transport.session import Payload, put
+from lodeflow.transport.frame import (
+    COUNT_BITS,
+    COUNT_MASK,
+    INCARNATIONS,
+    Frame,
+    Payload,
+    head_of,
+    join,
+)
+from lodeflow.transport.session import put
 
 WINDOW = 1024
 """Frames on their way at most."""
@@ -38,7 +46,7 @@ AGAIN_FRAMES, AGAIN_BYTES = 256, 4 << 20
 SURE = (1 << 32) - 1
 """In place of a turn: what was sent again has gone by, without what is missing."""
 
-_pack = frames.ATTACHMENT.pack
+_pack = frames.HEAD.pack
 _HELLO = struct.Struct("<QQQB16s")
 
 
@@ -119,7 +127,7 @@ class Link:
         self._heard_turn, self._latest = 0, -1
         self._turn, self._again = 0, -1
         self._next = 0
-        self._unacked: deque[tuple[int, bytes, Payload, int]] = deque()
+        self._unacked: deque[tuple[int, Payload, bytes | None, int]] = deque()
         self._bytes = self._rows = 0
         self._progress = 0.0
         self._patience = PROBE_AFTER
@@ -175,11 +183,11 @@ class Link:
         number = self._next
         self._next += 1
         sequence = self.incarnation << COUNT_BITS | number
-        attachment = _pack(sequence, first, bound, count, flags)
-        self._unacked.append((number, attachment, payload, count))
+        payload, attachment = join(_pack(sequence, first, bound, count, flags), payload)
+        put(self.publisher, payload, attachment)  # before all that can be done while it travels
+        self._unacked.append((number, payload, attachment, count))
         self._bytes += len(payload)
         self._rows += count
-        put(self.publisher, payload, attachment)
 
     def receive(self, frame: Frame, now: float) -> None:
         """Take a frame of the other side in."""
@@ -218,31 +226,27 @@ class Link:
         if frame.kind == frames.STOP:
             self.stops = True
 
-    def pass_through(self, sequence: int, size: int, now: float) -> bool:
-        """Take a numbered frame in and hand it out at once, as its receiver does if nothing waits.
+    def is_due(self, sequence: int) -> bool:
+        """Whether a numbered frame may be worked on at once: it is the next, and nothing waits."""
+        return (
+            sequence & COUNT_MASK == self._expected
+            and not self.arrived
+            and sequence >> COUNT_BITS == self._theirs
+            and not self.closed
+            and self._theirs > 0
+        )
+
+    def took(self, size: int, now: float) -> None:
+        """Count the frame that was due, and has been worked on, as received and taken.
 
         Args:
-            sequence: of the frame.
             size: bytes of its payload.
-            now: monotonic seconds.
-
-        Returns:
-            Whether it is the one that is due, and may be worked on.
+            now: monotonic seconds, of when it came.
         """
-        number = sequence & COUNT_MASK
-        if (
-            number != self._expected
-            or self.arrived
-            or sequence >> COUNT_BITS != self._theirs
-            or self.closed
-            or not self._theirs
-        ):
-            return False
-        self._expected = self._done = number + 1
+        self._expected = self._done = self._expected + 1
         self._taken += 1
         self._taken_bytes += size
         self._taken_since = self._taken_since or now
-        return True
 
     def _arrive(self, frame: Frame, now: float) -> None:
         """Take a numbered frame in."""
@@ -300,7 +304,7 @@ class Link:
         base = self._unacked[0][0] if self._unacked else self._next
         state = int(self.ready) | int(self.peer_ready) << 1 | int(self._knows) << 2
         hello = _HELLO.pack(self.incarnation, self._theirs, base, state, self.graph)
-        put(self.publisher, hello, attach(0, 0, 0, 0, frames.HELLO, self.index, 0))
+        put(self.publisher, head_of(0, 0, 0, 0, frames.HELLO, self.index, 0) + hello)
 
     def say_end(self, *, whole: bool) -> None:
         """Tell the other side that all is done here, or that what it still waits for is lost.
@@ -336,7 +340,7 @@ class Link:
 
     def _say(self, kind: int, done: int, number: int = 0, turn: int = 0) -> None:
         sequence = self.incarnation << COUNT_BITS
-        put(self.publisher, b"", attach(sequence, done, number, turn, kind, self.index, 0))
+        put(self.publisher, head_of(sequence, done, number, turn, kind, self.index, 0))
 
     def _hear(self, payload: bytes, now: float) -> None:
         if len(payload) != _HELLO.size:
@@ -373,7 +377,7 @@ class Link:
         if number > self._next:
             return
         while self._unacked and self._unacked[0][0] < number:
-            _, _, payload, rows = self._unacked.popleft()
+            _, payload, _, rows = self._unacked.popleft()
             self._bytes -= len(payload)
             self._rows -= rows
             self._progress = now
@@ -385,7 +389,7 @@ class Link:
         self._again, self._turn = since, (self._turn + 1) % SURE
         lost = [one for one in self._unacked if one[0] >= since]
         size = 0
-        for _, attachment, payload, _ in lost[:AGAIN_FRAMES]:
+        for _, payload, attachment, _ in lost[:AGAIN_FRAMES]:
             if size >= AGAIN_BYTES:
                 break
             size += len(payload)

@@ -19,7 +19,7 @@ from lodeflow.runtime.exchange import Bell, Driver, Enter
 from lodeflow.sync import END
 from lodeflow.transport import frame as frames
 from lodeflow.transport import keys
-from lodeflow.transport.frame import INCARNATIONS, Frame, attach, flags_of
+from lodeflow.transport.frame import INCARNATIONS, Frame, flags_of, head_of
 from lodeflow.transport.inlet import Inlet
 from lodeflow.transport.link import HELLO_EVERY, Link
 from lodeflow.transport.losses import LinkLosses
@@ -34,7 +34,7 @@ TEND_EVERY = 0.005
 BATCH = 32
 """Frames that are worked on before what came of them is passed on."""
 
-_split, _SPLIT_SIZE = frames.ATTACHMENT.unpack, frames.ATTACHMENT.size
+_unpack, _HEAD_SIZE = frames.HEAD.unpack_from, frames.HEAD.size
 
 
 class Links:
@@ -319,23 +319,25 @@ class Links:
         return found
 
     def _wake_by_zenoh(self) -> None:
-        put(self._self, b"", attach(0, 0, 0, 0, frames.WAKE, 0, 0))
+        put(self._self, head_of(0, 0, 0, 0, frames.WAKE, 0, 0))
 
     def _at_once(self, sample: Any, now: float) -> bool:
         """Bring in a frame without a queue, if nothing stands before it; else take it in.
 
         This is the way of almost every message of a live graph.
         """
-        attachment = sample.attachment
-        head = b"" if attachment is None else attachment.to_bytes()
-        if len(head) == _SPLIT_SIZE:
-            sequence, first, bound, rows, flags = _split(head)
+        payload, attachment = sample.payload.to_bytes(), sample.attachment
+        head = payload if attachment is None else attachment.to_bytes()
+        if len(head) >= _HEAD_SIZE:
+            sequence, first, bound, rows, flags = _unpack(head)
             lane = self._lanes.get(flags)
             if lane is not None and self.has_room():
                 link, inlet = lane
-                payload = sample.payload.to_bytes()
-                if link.pass_through(sequence, len(payload), now):
+                if attachment is None:
+                    payload = payload[_HEAD_SIZE:]
+                if link.is_due(sequence):
                     inlet.bring(first, bound, rows, payload)
+                    link.took(len(payload), now)
                     self._owes_word |= link.owes_word
                     return True
         self._receive(sample, now)
@@ -343,11 +345,8 @@ class Links:
 
     def _receive(self, sample: Any, now: float) -> None:
         attachment = sample.attachment
-        frame = (
-            None
-            if attachment is None
-            else frames.read(attachment.to_bytes(), sample.payload.to_bytes())
-        )
+        head = None if attachment is None else attachment.to_bytes()
+        frame = frames.part(sample.payload.to_bytes(), head)
         if frame is None:
             self.foreign += 1
         elif frame.kind == frames.WAKE:

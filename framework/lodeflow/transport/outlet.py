@@ -12,9 +12,9 @@ from lodeflow.graph import Wire
 from lodeflow.messages.cdr import Layout
 from lodeflow.runtime.exchange import Port, Silent
 from lodeflow.sync import END, NEVER
+from lodeflow.transport.frame import Payload
 from lodeflow.transport.link import Link
 from lodeflow.transport.losses import LinkLosses
-from lodeflow.transport.session import Payload
 
 FRAME_BYTES = 1 << 20
 """Size of the frames, about, into which a larger block is cut; each costs a put, a wake and an

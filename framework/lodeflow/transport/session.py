@@ -13,6 +13,7 @@ import zenoh
 
 from lodeflow.errors import RunError
 from lodeflow.transport import refusals
+from lodeflow.transport.frame import Payload
 
 RETRY = {"period_init_ms": 5, "period_max_ms": 50, "period_increase_factor": 2}
 """How soon a link that is down is tried again."""
@@ -107,11 +108,7 @@ def close_session(session: zenoh.Session) -> None:
         refusals.end()
 
 
-Payload = bytes | bytearray
-"""What is put; Zenoh copies it, and a frame keeps it to be sent again."""
-
-
-def put(publisher: zenoh.Publisher, payload: Payload, attachment: bytes) -> None:
+def put(publisher: zenoh.Publisher, payload: Payload, attachment: bytes | None = None) -> None:
     """Put, and never fail: what a closed or broken session did not take is sent again or missed."""
     try:
         publisher.put(payload, attachment=attachment)

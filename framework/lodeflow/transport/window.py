@@ -202,6 +202,6 @@ class _Pane:
         put(
             self._publisher,
             payload,
-            frames.attach(self._sequence, first, bound, count, frames.DATA, 0, 0),
+            frames.head_of(self._sequence, first, bound, count, frames.DATA, 0, 0),
         )
         self._sequence += 1

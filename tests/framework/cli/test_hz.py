@@ -12,7 +12,7 @@ from lodeflow.transport.onlooker import Sighting
 def puts(*came: tuple[float, int, int, int]) -> list[Sighting]:
     """Return puts from (time of arrival, first stamp, last stamp, rows)."""
     return [
-        Sighting("k", at, "", b"", frames.read(frames.attach(n, t, last + 1, rows, 0, 0, 0), b""))
+        Sighting("k", at, "", b"", frames.read(frames.head_of(n, t, last + 1, rows, 0, 0, 0), b""))
         for n, (at, t, last, rows) in enumerate(came)
     ]
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from lodeflow.transport import frame as frames
 from lodeflow.transport import link as link_module
-from lodeflow.transport.frame import Frame, attach, read
+from lodeflow.transport.frame import SMALL, Frame, head_of, join, part, read
 from lodeflow.transport.link import HELLO_EVERY, WINDOW, Link, newer
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True, database=None)
@@ -23,10 +23,10 @@ class Wire:
     """Stands for a publisher: what is put waits here until the network moves it."""
 
     def __init__(self) -> None:
-        self.queue: deque[tuple[bytes, bytes]] = deque()
+        self.queue: deque[tuple[bytes, bytes | None]] = deque()
 
-    def put(self, payload: bytes, attachment: bytes) -> None:
-        self.queue.append((attachment, payload))
+    def put(self, payload: bytes, attachment: bytes | None) -> None:
+        self.queue.append((payload, attachment))
 
 
 class Network:
@@ -54,8 +54,7 @@ class Network:
         for name, peer in (("a", "b"), ("b", "a")):
             queue = self.wires[name].queue
             while queue:
-                attachment, payload = queue.popleft()
-                frame = read(attachment, payload)
+                frame = part(*queue.popleft())
                 assert frame is not None
                 times = 0 if self.rng.random() < self.loss else self.rng.choice([1, 1, 1, 2])
                 for _ in range(times):
@@ -84,11 +83,26 @@ def taken(link: Link, now: float) -> list[str]:
     return [link.take(now).payload.decode() for _ in range(len(link.arrived))]
 
 
-def test_an_attachment_has_32_bytes_and_comes_back() -> None:
-    data = attach(2**63 + 5, -7, 2**62, 9, frames.NOTE, 1023, 2**18 - 1)
+def test_a_head_has_32_bytes_and_comes_back() -> None:
+    data = head_of(2**63 + 5, -7, 2**62, 9, frames.NOTE, 1023, 2**18 - 1)
     assert len(data) == 32
     assert read(data, b"x") == Frame(2**63 + 5, -7, 2**62, 9, frames.NOTE, 1023, 2**18 - 1, b"x")
     assert read(data[:-1], b"x") is None
+
+
+@pytest.mark.parametrize("size", [0, 1, SMALL, SMALL + 1])
+def test_the_head_of_a_small_frame_stands_before_it(size: int) -> None:
+    head, records = head_of(1, 2, 3, 4, frames.DATA, 5, 6), bytes(range(256)) * 17
+    payload, attachment = join(head, bytearray(records[:size]))
+    assert (attachment is None) == (size <= SMALL)
+    assert part(bytes(payload), attachment) == read(head, records[:size])
+
+
+@SETTINGS
+@given(payload=st.binary(max_size=80), attachment=st.none() | st.binary(max_size=40))
+def test_garbage_is_a_frame_only_with_a_head(payload: bytes, attachment: bytes | None) -> None:
+    has_head = len(payload) >= 32 if attachment is None else len(attachment) == 32
+    assert (part(payload, attachment) is not None) == has_head
 
 
 class Passing(Network):
@@ -101,7 +115,8 @@ class Passing(Network):
     def deliver(self, peer: str, frame: Frame) -> None:
         end = self.ends[peer]
         tries = frame.kind in frames.NUMBERED and self.rng.random() < 0.7
-        if tries and end.pass_through(frame.sequence, len(frame.payload), self.now):
+        if tries and end.is_due(frame.sequence):
+            end.took(len(frame.payload), self.now)
             self.got.append(frame.payload.decode())
             return
         super().deliver(peer, frame)
@@ -111,7 +126,7 @@ class Passing(Network):
 
 @SETTINGS
 @given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.integers(1, 60))
-def test_frames_that_pass_through_keep_their_place(seed: int, loss: float, count: int) -> None:
+def test_frames_worked_on_at_once_keep_their_place(seed: int, loss: float, count: int) -> None:
     network = Passing(random.Random(seed), loss)
     network.join()
     a, b = network.ends["a"], network.ends["b"]
@@ -124,23 +139,25 @@ def test_frames_that_pass_through_keep_their_place(seed: int, loss: float, count
             break
         network.move(0.05)
     assert network.got == sent
-    assert not a.waiting  # what passed through is acknowledged too
+    assert not a.waiting  # what was worked on at once is acknowledged too
 
 
-def test_only_the_next_frame_passes_through() -> None:
+def test_only_the_next_frame_is_due() -> None:
     network = Passing(random.Random(1), 0.0)
     network.join()
     b = network.ends["b"]
     first = network.ends["a"].incarnation << frames.COUNT_BITS
-    assert not b.pass_through(first + 1, 5, network.now)  # one is missing
-    assert not b.pass_through(first + (1 << frames.COUNT_BITS), 5, network.now)  # of another
-    assert b.pass_through(first, 5, network.now)
-    assert not b.pass_through(first, 5, network.now)  # it came twice
-    data = attach(first + 1, 0, 0, 1, frames.DATA, 0, 0)
+    assert not b.is_due(first + 1)  # one is missing
+    assert not b.is_due(first + (1 << frames.COUNT_BITS))  # of another
+    assert b.is_due(first)
+    b.took(5, network.now)
+    assert not b.is_due(first)  # it came twice
+    data = head_of(first + 1, 0, 0, 1, frames.DATA, 0, 0)
     b.receive(read(data, b"hello") or pytest.fail("no frame"), network.now)
-    assert not b.pass_through(first + 2, 5, network.now)  # one waits before it
+    assert not b.is_due(first + 2)  # one waits before it
     assert taken(b, network.now) == ["hello"]
-    assert b.pass_through(first + 2, 5, network.now)
+    assert b.is_due(first + 2)
+    b.took(5, network.now)
 
 
 @SETTINGS
@@ -205,7 +222,7 @@ def test_a_restarted_sender_begins_anew_and_stale_frames_are_ignored() -> None:
     send(network.ends["a"], "old")
     network.move()
     assert taken(b, network.now) == ["old"]
-    stale = attach(network.ends["a"].incarnation << frames.COUNT_BITS | 1, 0, 0, 1, 0, 0, 0)
+    stale = head_of(network.ends["a"].incarnation << frames.COUNT_BITS | 1, 0, 0, 1, 0, 0, 0)
     network.begin("a")
     network.join()
     late = read(stale, b"late")
@@ -349,7 +366,7 @@ class Slow(Network):
             while len(queue) > self.ROOM:
                 queue.pop()
             if queue:
-                frame = read(*queue.popleft())
+                frame = part(*queue.popleft())
                 assert frame is not None
                 self.deliver(peer, frame)
         for end in self.ends.values():

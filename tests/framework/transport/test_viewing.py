@@ -25,7 +25,7 @@ def headings(*t: int) -> lf.Heading:
 
 def put(number: int, *t: int, encoding: str = ENCODING, key: str = KEY) -> Sighting:
     payload = layout_of(lf.Heading).encode_block(headings(*t)).tobytes()
-    frame = frames.read(frames.attach(number, t[0], t[-1] + 1, len(t), 0, 0, 0), payload)
+    frame = frames.read(frames.head_of(number, t[0], t[-1] + 1, len(t), 0, 0, 0), payload)
     return Sighting(key, 0.0, encoding, payload, frame)
 
 
@@ -59,7 +59,7 @@ def test_gaps_count_from_the_first_put_that_came(
 def test_the_end_of_a_stream_is_no_message() -> None:
     view = StreamView(KEY)
     view.see(put(0, 1))
-    end = frames.read(frames.attach(1, NEVER, END, 0, 0, 0, 0), b"")
+    end = frames.read(frames.head_of(1, NEVER, END, 0, 0, 0, 0), b"")
     assert not view.see(Sighting(KEY, 0.0, ENCODING, b"", end))
     assert view.ended
     assert view.rows == 1
