@@ -35,6 +35,7 @@ BATCH = 32
 """Frames that are worked on before what came of them is passed on."""
 
 _unpack, _HEAD_SIZE = frames.HEAD.unpack_from, frames.HEAD.size
+_MOST_JOINED = frames.SMALL + _HEAD_SIZE
 
 
 class Links:
@@ -326,16 +327,18 @@ class Links:
 
         This is the way of almost every message of a live graph.
         """
-        payload, attachment = sample.payload.to_bytes(), sample.attachment
-        head = payload if attachment is None else attachment.to_bytes()
+        payload = head = sample.payload.to_bytes()
+        if len(payload) > _MOST_JOINED:
+            attachment = sample.attachment
+            head = b"" if attachment is None else attachment.to_bytes()
         if len(head) >= _HEAD_SIZE:
             sequence, first, bound, rows, flags = _unpack(head)
             lane = self._lanes.get(flags)
             if lane is not None and self.has_room():
                 link, inlet = lane
-                if attachment is None:
-                    payload = payload[_HEAD_SIZE:]
                 if link.is_due(sequence):
+                    if head is payload:
+                        payload = payload[_HEAD_SIZE:]
                     inlet.bring(first, bound, rows, payload)
                     link.took(len(payload), now)
                     self._owes_word |= link.owes_word
