@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -169,3 +171,12 @@ def test_check_prints_all_problems_and_exits_1(lodeflow: CommandLine, graphs: Pa
     assert "did you mean 'mag_calibrator'?" in done.stderr
     assert "did you mean 'heading_from_attitude'?" in done.stderr
     assert "good" in lodeflow("check", graphs / "heading.yaml").stdout
+
+
+def test_a_graph_in_a_pipe_is_checked_as_in_a_file(lodeflow: CommandLine, graphs: Path) -> None:
+    os.mkfifo(lodeflow.folder / "pipe")
+    text = (graphs / "heading.yaml").read_bytes()
+    writer = threading.Thread(target=(lodeflow.folder / "pipe").write_bytes, args=(text,))
+    writer.start()
+    assert "pipe: " in lodeflow("check", "pipe").stdout
+    writer.join()
