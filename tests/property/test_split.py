@@ -129,6 +129,6 @@ def test_streams_do_not_depend_on_the_split(case: Case, seed: int) -> None:
 def test_nor_on_how_little_a_link_takes(case: Case, seed: int) -> None:
     """With a window of two frames, everybody waits for everybody, and nobody for ever."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lodeflow.transport.link.WINDOW", 2)
+        patch.setattr("lodeflow.transport.outbox.WINDOW", 2)
         patch.setattr("lodeflow.transport.outlet.FRAME_BYTES", 64)
         check(case, seed)

@@ -23,17 +23,9 @@ from lodeflow.transport.frame import (
     head_of,
     join,
 )
+from lodeflow.transport.outbox import Outbox
 from lodeflow.transport.session import put
 
-WINDOW = 1024
-"""Frames on their way at most."""
-WINDOW_BYTES = 32 << 20
-"""Bytes on their way at most (one frame more, where a frame is larger)."""
-WINDOW_ROWS, FEW = 1 << 14, 8
-"""Records on their way at most, where they are in more than a few frames: samples of a live device
-are to wait at the device, where they are counted when they overflow."""
-LATEST = 64
-"""Frames, or records, on their way at most to who only watches: so far it can be behind."""
 ACK_FRAMES, ACK_BYTES, ACK_AFTER = 64, 256 << 10, 0.02
 """What is taken is acknowledged after so many frames, bytes, or seconds: a small part of the window
 only, or its sender would stop and go."""
@@ -41,8 +33,6 @@ HELLO_EVERY = 0.05
 PROBE_AFTER, PROBE_MOST = 0.2, 1.0
 """Seconds without an acknowledgement until the other side is asked what it has; doubled each time.
 It may only be slow, so nothing is sent again unasked."""
-AGAIN_FRAMES, AGAIN_BYTES = 256, 4 << 20
-"""How much is sent again at once; the other side then says what it has."""
 SURE = (1 << 32) - 1
 """In place of a turn: what was sent again has gone by, without what is missing."""
 
@@ -126,24 +116,26 @@ class Link:
         self._asked = (-1, 0, 0.0)
         self._heard_turn, self._latest = 0, -1
         self._turn, self._again = 0, -1
-        self._next = 0
-        self._unacked: deque[tuple[int, Payload, bytes | None, int]] = deque()
-        self._bytes = self._rows = 0
+        self._outbox = Outbox(publisher, latest)
         self._progress = 0.0
         self._patience = PROBE_AFTER
         self._greeted = 0.0
         self._knows = False
-        self.sent_again = 0
 
     @property
     def waiting(self) -> int:
         """Frames sent and not yet taken by the other side."""
-        return len(self._unacked)
+        return len(self._outbox)
+
+    @property
+    def sent_again(self) -> int:
+        """Frames that were lost, or may have been, and were sent once more."""
+        return self._outbox.sent_again
 
     @property
     def owes(self) -> int:
         """Frames that the other side has not taken and may still want."""
-        return 0 if self.departed else len(self._unacked)
+        return 0 if self.departed else len(self._outbox)
 
     @property
     def is_matched(self) -> bool:
@@ -159,14 +151,7 @@ class Link:
     @property
     def is_full(self) -> bool:
         """Whether the other side has to catch up first."""
-        frames = len(self._unacked)
-        if self.latest:
-            return not self.closed and (frames >= LATEST or self._rows >= LATEST)
-        return not self.closed and (
-            frames >= WINDOW
-            or self._bytes >= WINDOW_BYTES
-            or (self._rows >= WINDOW_ROWS and frames > FEW)
-        )
+        return not self.closed and self._outbox.is_full
 
     def send(self, flags: int, first: int, bound: int, count: int, payload: Payload) -> None:
         """Send a frame in sequence, and keep it until it is taken.
@@ -180,14 +165,9 @@ class Link:
         """
         if self.closed:
             return
-        number = self._next
-        self._next += 1
-        sequence = self.incarnation << COUNT_BITS | number
-        payload, attachment = join(_pack(sequence, first, bound, count, flags), payload)
-        put(self.publisher, payload, attachment)  # before all that can be done while it travels
-        self._unacked.append((number, payload, attachment, count))
-        self._bytes += len(payload)
-        self._rows += count
+        sequence = self.incarnation << COUNT_BITS | self._outbox.next
+        head = _pack(sequence, first, bound, count, flags)
+        self._outbox.add(*join(head, payload), count)
 
     def receive(self, frame: Frame, now: float) -> None:
         """Take a frame of the other side in."""
@@ -205,7 +185,9 @@ class Link:
         if frame.sequence >> COUNT_BITS != self._theirs or not self._theirs:
             return  # of an earlier incarnation, or before its hello
         if frame.kind in (frames.ACK, frames.AGAIN):
-            self._acknowledged(frame.first, now)  # received is not yet taken
+            if frame.first <= self._outbox.next and self._outbox.taken(frame.first):
+                self._progress = now
+                self._patience = PROBE_AFTER
             # What was sent again may still be on its way, on a slow link for long: it goes once
             # more only if something that went behind it has come, and it has not.
             is_new = frame.bound != self._again or frame.rows in (self._turn, SURE)
@@ -291,7 +273,7 @@ class Link:
         if not (self.joined and self.peer_ready and self._knows):
             if now - self._greeted >= HELLO_EVERY:
                 self.greet(now)
-        elif not self._unacked:
+        elif not self._outbox:
             self._progress = now
         elif now - self._progress >= self._patience:
             self._patience = min(2 * self._patience, PROBE_MOST)
@@ -301,9 +283,8 @@ class Link:
     def greet(self, now: float) -> None:
         """Tell the other side what it may not know yet."""
         self._greeted = now
-        base = self._unacked[0][0] if self._unacked else self._next
         state = int(self.ready) | int(self.peer_ready) << 1 | int(self._knows) << 2
-        hello = _HELLO.pack(self.incarnation, self._theirs, base, state, self.graph)
+        hello = _HELLO.pack(self.incarnation, self._theirs, self._outbox.base, state, self.graph)
         put(self.publisher, head_of(0, 0, 0, 0, frames.HELLO, self.index, 0) + hello)
 
     def say_end(self, *, whole: bool) -> None:
@@ -321,9 +302,8 @@ class Link:
     def close(self) -> None:
         """Forget a group that is gone for good."""
         self.closed = True
-        self._unacked.clear()
+        self._outbox.clear()
         self.arrived.clear()
-        self._bytes = self._rows = 0
 
     def _ask(self, now: float, *, sure: bool = False) -> None:
         """Ask for what was lost, but not with each frame that comes behind it."""
@@ -336,7 +316,7 @@ class Link:
 
     def _probe(self) -> None:
         """Ask the other side what it has got of all that was sent before this."""
-        self._say(frames.PROBE, 0, self._next, self._turn)
+        self._say(frames.PROBE, 0, self._outbox.put, self._turn)
 
     def _say(self, kind: int, done: int, number: int = 0, turn: int = 0) -> None:
         sequence = self.incarnation << COUNT_BITS
@@ -373,27 +353,10 @@ class Link:
         ):
             self.greet(now)
 
-    def _acknowledged(self, number: int, now: float) -> None:
-        if number > self._next:
-            return
-        while self._unacked and self._unacked[0][0] < number:
-            _, payload, _, rows = self._unacked.popleft()
-            self._bytes -= len(payload)
-            self._rows -= rows
-            self._progress = now
-            self._patience = PROBE_AFTER
-
     def _send_again(self, now: float, since: int = 0) -> None:
-        """Send frames from a number on again, as many as is reasonable at once."""
+        """Send frames from a number on again, with a probe behind the first of them."""
         self._progress = now
         self._again, self._turn = since, (self._turn + 1) % SURE
-        lost = [one for one in self._unacked if one[0] >= since]
-        size = 0
-        for _, payload, attachment, _ in lost[:AGAIN_FRAMES]:
-            if size >= AGAIN_BYTES:
-                break
-            size += len(payload)
-            self.sent_again += 1
-            put(self.publisher, payload, attachment)
-        if lost:
-            self._probe()  # the answer asks for the rest, and for what was lost once more
+        if since < self._outbox.next:
+            self._outbox.again(since)
+            self._probe()

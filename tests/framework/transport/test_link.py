@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lodeflow.transport import frame as frames
-from lodeflow.transport import link as link_module
+from lodeflow.transport import outbox
 from lodeflow.transport.frame import SMALL, Frame, head_of, join, part, read
-from lodeflow.transport.link import HELLO_EVERY, WINDOW, Link, newer
+from lodeflow.transport.link import HELLO_EVERY, Link, newer
+from lodeflow.transport.outbox import WINDOW
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True, database=None)
 GRAPH = b"g" * 16
@@ -250,7 +251,7 @@ def test_a_full_window_is_told_and_drains() -> None:
 
 
 def test_bytes_fill_a_window_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(link_module, "WINDOW_BYTES", 10)
+    monkeypatch.setattr(outbox, "WINDOW_BYTES", 10)
     network = Network(random.Random(1))
     network.join()
     send(network.ends["a"], "x" * 11)
@@ -394,3 +395,56 @@ def test_on_a_slow_network_little_is_sent_twice() -> None:
     assert found == sent
     assert a.sent_again > 0
     assert moves < 2 * len(sent)
+
+
+class Narrow(Network):
+    """One that carries so many bytes a second, and drops what it has no room for."""
+
+    RATE, ROOM = 1_250_000, 4_000_000
+
+    def __init__(self) -> None:
+        super().__init__(random.Random(1))
+        self.carried = 0.0
+        self.dropped = 0
+
+    def move(self, seconds: float = 0.01) -> None:
+        self.now += seconds
+        for name, peer in (("a", "b"), ("b", "a")):
+            queue = self.wires[name].queue
+            kept: deque[tuple[bytes, bytes | None]] = deque()
+            room = self.ROOM
+            for payload, attachment in queue:
+                if len(payload) <= room:
+                    kept.append((payload, attachment))
+                    room -= len(payload)
+                else:
+                    self.dropped += 1
+            self.wires[name].queue = kept
+            budget = self.RATE * seconds + self.carried * (name == "a")
+            while kept and len(kept[0][0]) <= budget:
+                budget -= len(kept[0][0])
+                frame = part(*kept.popleft())
+                assert frame is not None
+                self.deliver(peer, frame)
+            if name == "a":
+                self.carried = budget if kept else 0.0
+        for end in self.ends.values():
+            end.ready = end.joined
+            end.tend(self.now)
+
+
+def test_a_narrow_network_is_used_almost_as_well_as_it_can_be() -> None:
+    network = Narrow()
+    network.join()
+    a, b = network.ends["a"], network.ends["b"]
+    size, count = 250_000, 400
+    left, found, began = count, 0, network.now
+    while found < count:
+        while left and not a.is_full:
+            a.send(frames.flags_of(frames.DATA, 0, 0), 0, 0, 1, bytes(size))
+            left -= 1
+        network.move(0.01)
+        found += len(taken(b, network.now))
+    least = size * count / Narrow.RATE
+    assert network.dropped > 0
+    assert network.now - began < 1.15 * least
