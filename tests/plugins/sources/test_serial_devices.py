@@ -18,6 +18,7 @@ from lodeflow.clock import WallClock
 from lodeflow_plugins.sources import hmr3300, nmea_heading
 from lodeflow_plugins.sources.hmr3300 import Hmr3300
 from lodeflow_plugins.sources.nmea_heading import NmeaHeading
+from lodeflow_plugins.sources.serial_lines import SerialLines
 
 
 @pytest.fixture
@@ -33,17 +34,29 @@ def terminal():
 
 
 def read(plugin, params, wanted, say=lambda: None):
-    """Read a source until `wanted` messages have come, and all that it yielded."""
+    """Read a source until `wanted` messages have come, and all that it yielded.
+
+    The device speaks once the port is open: opening throws away what is in the line before.
+    """
     source = plugin(plugin.Params(**params))
     found = []
-    speaker = threading.Timer(0.05, say)
-    speaker.start()
-    items = source.read(WallClock())
-    for item in items:
-        found.append(item)
-        if sum(not isinstance(i, lf.Bound) for i in found) >= wanted:
-            break
-    items.close()
+    speaker = threading.Thread(target=say)
+    lines = SerialLines.lines
+
+    def open_lines(port, clock):
+        speaker.start()
+        return lines(port, clock)
+
+    until = time.monotonic() + 30.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SerialLines, "lines", open_lines)
+        items = source.read(WallClock())
+        for item in items:
+            found.append(item)
+            if sum(not isinstance(i, lf.Bound) for i in found) >= wanted:
+                break
+            assert time.monotonic() < until, found
+        items.close()
     speaker.join()
     return found
 
