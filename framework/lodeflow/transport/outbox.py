@@ -25,8 +25,8 @@ are to wait at the device, where they are counted when they overflow."""
 LATEST = 64
 """Frames, or records, not taken by who only watches, at most: so far it can be behind."""
 LEAST, STEP = 1 << 20, 1 << 16
-"""Bytes that may be on their way after a loss, and by how many more with each round trip, from
-near the amount on that was too much."""
+"""Bytes that may be on their way at first and after a loss, and how many more with each round trip
+from near the amount on that was too much."""
 
 
 class Outbox:
@@ -48,7 +48,7 @@ class Outbox:
         self._kept: deque[tuple[Payload, bytes | None, int]] = deque()
         self._ahead: deque[int] = deque()  # of each that was put: bytes on their way before it
         self._bytes = self._rows = self._underway = 0
-        self._allowed = self._knee = WINDOW_BYTES
+        self._allowed, self._knee = LEAST, WINDOW_BYTES
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -113,7 +113,8 @@ class Outbox:
         kept = max(since - self.base, 0)
         if kept >= len(self._ahead):
             return
-        self._knee = max(self._ahead[kept] * 3 // 4, LEAST)
+        if ahead := self._ahead[kept]:  # else it was not too much, but cut off
+            self._knee = max(ahead * 3 // 4, LEAST)
         self._allowed = LEAST
         while len(self._ahead) > kept:
             self._ahead.pop()

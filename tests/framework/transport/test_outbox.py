@@ -27,53 +27,76 @@ class Wire:
 
 
 def outbox_and_wire(monkeypatch: pytest.MonkeyPatch) -> tuple[Outbox, list[bytes]]:
-    """Return an outbox that may have 10 bytes on their way after a loss, and one more each time."""
+    """Return an outbox that may have 10 bytes on their way at first, and 100 at most."""
     for name, value in {"WINDOW_BYTES": 100, "LEAST": 10, "STEP": 1}.items():
         monkeypatch.setattr(module, name, value)
     wire: Any = Wire()
     return Outbox(wire, latest=False), wire.put_there
 
 
-def test_all_is_put_at_once_until_something_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+def drained(box: Outbox) -> list[int]:
+    """Return how many frames are on their way, time after time, until all are taken."""
+    found = []
+    while len(box):
+        found.append(box.put - box.base)
+        box.taken(box.put)
+    return found
+
+
+def test_what_gets_through_lets_more_be_put(monkeypatch: pytest.MonkeyPatch) -> None:
     box, wire = outbox_and_wire(monkeypatch)
     for number in range(20):
         box.add(b"%05d" % number, None, 1)
-    assert (box.next, box.put, box.base, len(box)) == (20, 20, 0, 20)
+    assert (box.next, box.put, box.base, len(box)) == (20, 2, 0, 20)
     assert box.is_full
-    assert box.taken(8)
-    assert not box.taken(8)  # it has said so before
-    assert (box.base, len(box), box.is_full) == (8, 12, False)
+    assert box.taken(1)
+    assert not box.taken(1)  # it has said so before
+    assert (box.put, box.base, len(box), box.is_full) == (4, 1, 19, False)
+    assert drained(box) == [3, 6, 10]
     assert wire == [b"%05d" % number for number in range(20)]
-    assert box.sent_again == 0
+    box.add(b"again", None, 1)
+    assert (box.put, box.sent_again) == (21, 0)
+
+
+def wide(box: Outbox) -> None:
+    """Let all that a window holds be on its way."""
+    for _ in range(20):
+        box.add(b"x" * 5, None, 1)
+    drained(box)
 
 
 def test_after_a_loss_little_is_put_at_first_and_soon_more(monkeypatch: pytest.MonkeyPatch) -> None:
     box, wire = outbox_and_wire(monkeypatch)
+    wide(box)
     for number in range(60):
         box.add(b"%02d" % number, None, 1)
-    box.taken(24)
+    box.taken(44)
     wire.clear()
-    box.again(24)  # 48 bytes were ahead of it when it was put, and too much: 36 may get through
-    assert box.sent_again == 36  # all have been put by now
-    underway = []
-    while len(box):
-        underway.append(2 * (box.put - box.base))
-        box.taken(box.put)
+    box.again(44)  # 48 bytes were ahead of it when it was put, and too much: 36 may get through
+    assert box.sent_again == 36
+    assert drained(box) == [5, 10, 20, 1]  # doubled, up to what was all
     assert wire == [b"%02d" % number for number in range(24, 60)]
-    assert underway == [10, 20, 40, 2]  # doubled, up to what was all
+
+
+def test_what_was_cut_off_had_not_been_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
+    box, _ = outbox_and_wire(monkeypatch)
+    wide(box)
+    for _ in range(15):
+        box.add(b"x" * 5, None, 1)
+    box.again(20)
+    assert box.sent_again == 15
+    assert drained(box) == [2, 4, 8, 1]
 
 
 def test_near_to_what_was_too_much_a_little_more_is_put_each_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     box, _ = outbox_and_wire(monkeypatch)
+    wide(box)
     for _ in range(16):
         box.add(b"x", None, 1)
-    box.taken(16)
-    for _ in range(16):
-        box.add(b"x", None, 1)
-    box.taken(31)
-    box.again(31)  # 15 were ahead: from 11 on it may be too much again
+    box.taken(35)
+    box.again(35)  # 15 were ahead: from 11 on it may be too much again
     underway = []
     for _ in range(5):
         while not box.is_full:
@@ -87,13 +110,14 @@ def test_what_has_arrived_and_is_not_taken_holds_back_what_goes_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     box, wire = outbox_and_wire(monkeypatch)
+    wide(box)
     for _ in range(20):
         box.add(b"x" * 5, None, 1)
     wire.clear()
-    box.again(12)
-    assert (len(wire), box.put, len(box)) == (0, 12, 20)
-    box.taken(12)
-    assert (len(wire), box.put, len(box)) == (8, 20, 8)
+    box.again(32)
+    assert (len(wire), box.put, len(box)) == (0, 32, 20)
+    box.taken(32)
+    assert (len(wire), box.put, len(box)) == (8, 40, 8)
 
 
 def test_who_asks_for_what_was_never_put_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
