@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -161,9 +162,7 @@ def test_only_the_next_frame_is_due() -> None:
     b.took(5, network.now)
 
 
-@SETTINGS
-@given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.integers(0, 60))
-def test_what_is_sent_arrives_once_and_in_order(seed: int, loss: float, count: int) -> None:
+def all_arrives(seed: int, loss: float, count: int) -> None:
     network = Network(random.Random(seed), loss)
     network.join()
     a, b = network.ends["a"], network.ends["b"]
@@ -186,11 +185,7 @@ def test_what_is_sent_arrives_once_and_in_order(seed: int, loss: float, count: i
     assert (a.waiting, b.waiting) == (0, 0)
 
 
-@SETTINGS
-@given(st.integers(0, 2**32), st.floats(0.0, 0.4), st.integers(1, 40))
-def test_a_restarted_reader_gets_again_what_it_had_not_taken(
-    seed: int, loss: float, count: int
-) -> None:
+def what_was_not_taken_comes_again(seed: int, loss: float, count: int) -> None:
     network = Network(random.Random(seed), loss)
     network.join()
     a = network.ends["a"]
@@ -214,6 +209,32 @@ def test_a_restarted_reader_gets_again_what_it_had_not_taken(
     assert sent[: len(first)] == first
     assert second == sent[count - len(second) :]
     assert len(first) + len(second) >= count
+
+
+@SETTINGS
+@given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.integers(0, 60))
+def test_what_is_sent_arrives_once_and_in_order(seed: int, loss: float, count: int) -> None:
+    all_arrives(seed, loss, count)
+
+
+@SETTINGS
+@given(st.integers(0, 2**32), st.floats(0.0, 0.4), st.integers(1, 40))
+def test_a_restarted_reader_gets_again_what_it_had_not_taken(
+    seed: int, loss: float, count: int
+) -> None:
+    what_was_not_taken_comes_again(seed, loss, count)
+
+
+@pytest.mark.parametrize("check", [all_arrives, what_was_not_taken_comes_again])
+@SETTINGS
+@given(seed=st.integers(0, 2**32), loss=st.floats(0.0, 0.4), count=st.integers(1, 60))
+def test_both_hold_where_little_may_be_on_its_way(
+    check: Callable[[int, float, int], None], seed: int, loss: float, count: int
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in {"LEAST": 100, "STEP": 40, "WINDOW_BYTES": 1000}.items():
+            patch.setattr(outbox, name, value)  # a frame has 33 bytes or 34
+        check(seed, loss, count)
 
 
 def test_a_restarted_sender_begins_anew_and_stale_frames_are_ignored() -> None:
