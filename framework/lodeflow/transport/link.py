@@ -208,27 +208,31 @@ class Link:
         if frame.kind == frames.STOP:
             self.stops = True
 
-    def is_due(self, sequence: int) -> bool:
-        """Whether a numbered frame may be worked on at once: it is the next, and nothing waits."""
-        return (
-            sequence & COUNT_MASK == self._expected
-            and not self.arrived
-            and sequence >> COUNT_BITS == self._theirs
-            and not self.closed
-            and self._theirs > 0
-        )
-
-    def took(self, size: int, now: float) -> None:
-        """Count the frame that was due, and has been worked on, as received and taken.
+    def pass_through(self, sequence: int, size: int, now: float) -> bool:
+        """Take a numbered frame in and hand it out at once, as its receiver does if nothing waits.
 
         Args:
+            sequence: of the frame.
             size: bytes of its payload.
-            now: monotonic seconds, of when it came.
+            now: monotonic seconds.
+
+        Returns:
+            Whether it is the one that is due, and may be worked on.
         """
-        self._expected = self._done = self._expected + 1
+        number = sequence & COUNT_MASK
+        if (
+            number != self._expected
+            or self.arrived
+            or sequence >> COUNT_BITS != self._theirs
+            or self.closed
+            or not self._theirs
+        ):
+            return False
+        self._expected = self._done = number + 1
         self._taken += 1
         self._taken_bytes += size
         self._taken_since = self._taken_since or now
+        return True
 
     def _arrive(self, frame: Frame, now: float) -> None:
         """Take a numbered frame in."""

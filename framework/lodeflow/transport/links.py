@@ -35,7 +35,6 @@ BATCH = 32
 """Frames that are worked on before what came of them is passed on."""
 
 _unpack, _HEAD_SIZE = frames.HEAD.unpack_from, frames.HEAD.size
-_MOST_JOINED = frames.SMALL + _HEAD_SIZE
 
 
 class Links:
@@ -328,19 +327,17 @@ class Links:
         This is the way of almost every message of a live graph.
         """
         payload = head = sample.payload.to_bytes()
-        if len(payload) > _MOST_JOINED:
-            attachment = sample.attachment
-            head = b"" if attachment is None else attachment.to_bytes()
+        if len(payload) > frames.SMALL and (attachment := sample.attachment) is not None:
+            head = attachment.to_bytes()
         if len(head) >= _HEAD_SIZE:
             sequence, first, bound, rows, flags = _unpack(head)
             lane = self._lanes.get(flags)
             if lane is not None and self.has_room():
                 link, inlet = lane
-                if link.is_due(sequence):
-                    if head is payload:
-                        payload = payload[_HEAD_SIZE:]
+                if head is payload:
+                    payload = payload[_HEAD_SIZE:]
+                if link.pass_through(sequence, len(payload), now):
                     inlet.bring(first, bound, rows, payload)
-                    link.took(len(payload), now)
                     self._owes_word |= link.owes_word
                     return True
         self._receive(sample, now)

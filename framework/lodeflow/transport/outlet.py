@@ -40,7 +40,6 @@ class Outlet:
         self, flags: int, wire: Wire, layout: Layout, readers: Mapping[Link, LinkLosses]
     ) -> None:
         self.flags, self.wire, self.layout, self.readers = flags, wire, layout, readers
-        self._readers = list(readers.items())
         self.queue: deque[Any] = deque()
         self.port: Port = Silent()
         self.bound = NEVER
@@ -75,7 +74,7 @@ class Outlet:
 
     def _hand(self, first: int, count: int, payload: Payload) -> None:
         """Send a frame to each reader, unless one only watches and is behind; the end comes."""
-        for link, losses in self._readers:
+        for link, losses in self.readers.items():
             if link.closed:
                 continue
             if not (link.latest and link.is_full):

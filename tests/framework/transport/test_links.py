@@ -14,8 +14,9 @@ import pytest
 import lodeflow as lf
 from lodeflow.graph.model import Graph, GraphNode, Group, Wire
 from lodeflow.graph.partition import partition
+from lodeflow.messages.cdr import layout_of
 from lodeflow.sync import END
-from lodeflow.transport import meeting
+from lodeflow.transport import frame, meeting
 from lodeflow.transport.links import Links
 from lodeflow.transport.session import LINKS, close_session, open_session
 
@@ -117,6 +118,18 @@ def test_orders_are_looked_for_whatever_ends_a_wait(pair: Pair) -> None:
 
 
 def test_a_message_that_ends_a_wait_is_taken_at_once(pair: Pair) -> None:
+    pair.meet()
+    pair.first.attach(Driver(), lambda first, last: None)  # type: ignore[arg-type]
+    pair.first.tap(WIRE)(lf.Heading(5, 1.0))
+    pair.first.flush()
+    assert taken(pair) == [(lf.Heading(5, 1.0), 7)]
+
+
+@pytest.mark.parametrize("more", [-33, -32, -1, 0, 1])
+def test_a_head_is_found_before_the_records_and_beside_them(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch, more: int
+) -> None:
+    monkeypatch.setattr(frame, "SMALL", layout_of(lf.Heading).size + more)
     pair.meet()
     pair.first.attach(Driver(), lambda first, last: None)  # type: ignore[arg-type]
     pair.first.tap(WIRE)(lf.Heading(5, 1.0))
