@@ -6,10 +6,16 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 GRACE = 1.0
 """Seconds that a run has to end by itself after Ctrl-C, before it is interrupted where it is."""
+MOMENT, MOMENTS = 0.01, 50
+"""Seconds, and how often, that the interpreter is given to finish what it does with a module's
+file: interrupted, it would leave the file open, and say so."""
+
+_IMPORTS = "<frozen importlib"
 
 
 @contextmanager
@@ -40,7 +46,14 @@ def interruptible(
         stop()
         signal.setitimer(signal.ITIMER_REAL, grace)
 
-    def give_up(*_: Any) -> None:
+    moments = MOMENTS
+
+    def give_up(number: int, frame: FrameType | None) -> None:
+        nonlocal moments
+        if frame is not None and moments and frame.f_code.co_filename.startswith(_IMPORTS):
+            moments -= 1
+            signal.setitimer(signal.ITIMER_REAL, MOMENT)
+            return
         raise KeyboardInterrupt
 
     def closing() -> None:
