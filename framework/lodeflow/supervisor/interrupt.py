@@ -15,7 +15,7 @@ MOMENT, MOMENTS = 0.01, 50
 """Seconds, and how often, that the interpreter is given to finish what it does with a module's
 file: interrupted, it would leave the file open, and say so."""
 
-_IMPORTS = "<frozen importlib"
+_IMPORTS = "<frozen importlib"  # how the files of the import system are called
 
 
 @contextmanager

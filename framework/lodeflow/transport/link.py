@@ -185,7 +185,7 @@ class Link:
         if frame.sequence >> COUNT_BITS != self._theirs or not self._theirs:
             return  # of an earlier incarnation, or before its hello
         if frame.kind in (frames.ACK, frames.AGAIN):
-            if frame.first <= self._outbox.next and self._outbox.taken(frame.first):
+            if self._outbox.taken(frame.first):
                 self._progress = now
                 self._patience = PROBE_AFTER
             # What was sent again may still be on its way, on a slow link for long: it goes once
@@ -320,7 +320,7 @@ class Link:
 
     def _probe(self) -> None:
         """Ask the other side what it has got of all that was sent before this."""
-        self._say(frames.PROBE, 0, self._outbox.put, self._turn)
+        self._say(frames.PROBE, 0, self._outbox.sent, self._turn)
 
     def _say(self, kind: int, done: int, number: int = 0, turn: int = 0) -> None:
         sequence = self.incarnation << COUNT_BITS

@@ -59,8 +59,8 @@ class Outbox:
         return self.next - len(self._kept)
 
     @property
-    def put(self) -> int:
-        """Number of the frame that is put next."""
+    def sent(self) -> int:
+        """Number before which all frames were put."""
         return self.base + len(self._ahead)
 
     @property
@@ -91,8 +91,10 @@ class Outbox:
         """Forget all frames before a number, which the other side has taken; send what waits.
 
         Returns:
-            Whether there were any.
+            Whether there were any; a number that none of ours can have changes nothing.
         """
+        if not self.base < number <= self.next:
+            return False
         before = self._bytes
         for _ in range(number - self.base):
             payload, _, rows = self._kept.popleft()
@@ -101,8 +103,7 @@ class Outbox:
             if self._ahead:
                 self._ahead.popleft()
                 self._underway -= len(payload)
-        if not (size := before - self._bytes):
-            return False
+        size = before - self._bytes
         more = size if self._allowed < self._knee else STEP * size // self._allowed
         self._allowed = min(self._allowed + more, WINDOW_BYTES)
         self._go_on()
