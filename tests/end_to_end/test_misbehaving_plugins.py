@@ -139,3 +139,13 @@ def test_an_impossible_duration_is_refused(
     done = lodeflow("run", graphs / "heading.yaml", "--duration", duration, code=code)
     assert "duration" in done.stderr
     assert not (lodeflow.folder / "recordings").exists()
+
+
+def test_a_file_that_a_plugin_leaves_open_is_written(lodeflow: CommandLine) -> None:
+    # In a cycle of references, where only a collection of garbage finds it.
+    leave = (
+        "import warnings; warnings.simplefilter('ignore', ResourceWarning); "
+        "self.me, self.file = self, open('left.txt', 'w'); self.file.write('here')"
+    )
+    odd(lodeflow, "start", leave)("run", "odd.yaml")
+    assert (lodeflow.folder / "left.txt").read_text() == "here"

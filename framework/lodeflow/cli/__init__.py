@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import sys
 from typing import Any
@@ -69,7 +70,11 @@ def cli() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; exit 0 good, 1 failed, 2 wrong usage or graph, 130 Ctrl-C."""
+    """Run the command line; exit 0 good, 1 failed, 2 wrong usage or graph, 130 Ctrl-C.
+
+    Args:
+        arguments: what stands after `lodeflow`; None for what this process was started with.
+    """
     try:
         code: Any = cli.main(arguments, prog_name="lodeflow", standalone_mode=False)
     except click.exceptions.Abort:
@@ -85,4 +90,9 @@ def main(arguments: list[str] | None = None) -> None:
         code = 1
     except KeyboardInterrupt:
         code = 130
+    if arguments is None:
+        # The process ends. Python would now look all objects through again and again, those of
+        # numba for half a second: once is enough to close what was left open.
+        gc.collect()
+        gc.freeze()
     sys.exit(code if isinstance(code, int) else 0)
