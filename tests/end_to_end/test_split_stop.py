@@ -59,6 +59,32 @@ def test_everything_ends(lodeflow: CommandLine, way: str, seed: int) -> None:
         lodeflow("info", "out.mcap")
 
 
+@pytest.mark.parametrize("seed", range(int(os.environ.get("LODEFLOW_ROUNDS", "2"))))
+@pytest.mark.parametrize("way", ["SIGINT", "SIGTERM", "SIGKILL"])
+def test_what_has_hardly_begun_ends(lodeflow: CommandLine, way: str, seed: int) -> None:
+    lodeflow.write("toys.py", split_toys.MODULE)
+    lodeflow.write("toy.yaml", split_toys.GRAPH)
+    process = lodeflow.start("run", "toy.yaml", "--realtime", "--json")
+    runs = lodeflow.runtime / "lodeflow"
+    until = time.monotonic() + 60.0
+    while not runs.exists() or not list(runs.iterdir()):
+        assert time.monotonic() < until
+        time.sleep(0.001)
+    time.sleep(random.Random(seed).uniform(0.0, 0.5))
+    begun = time.monotonic()
+    process.send_signal(signal.Signals[way])
+    _, errors = process.communicate(timeout=20)
+    while list(runs.iterdir()) and time.monotonic() - begun < PATIENCE:
+        time.sleep(0.01)
+    took = time.monotonic() - begun
+    print(f"{way} early: gone after {took:.2f} s")
+    assert took < PATIENCE, errors
+    assert "ended by" not in errors
+    assert process.returncode == (-signal.SIGKILL if way == "SIGKILL" else 130), errors
+    if (lodeflow.folder / "out.mcap").exists():
+        lodeflow("info", "out.mcap")
+
+
 def shared_memory(pid: int) -> set[Path]:
     """Return the files of shared memory that a process has mapped."""
     maps = (Path("/proc") / str(pid) / "maps").read_text()

@@ -33,7 +33,7 @@ class Child:
 
     Args:
         name: of the group.
-        work: runs in the child.
+        work: runs in the child, with SIGTERM blocked.
         forget: descriptors of the supervisor that the child must not keep open.
 
     Attributes:
@@ -52,6 +52,8 @@ class Child:
         self.rest = b""
         sys.stdout.flush()
         sys.stderr.flush()
+        # A SIGTERM that comes while the child begins waits until it can be obeyed: `interruptible`.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         self.pid = os.fork()
         if self.pid == 0:
             code = 1
@@ -70,6 +72,7 @@ class Child:
                     sys.stdout.flush()
                     sys.stderr.flush()
                 os._exit(code)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for descriptor in (up_write, down_read, output_write):
             os.close(descriptor)
         self.pipe = Pipe(up_read, down_write)

@@ -13,6 +13,8 @@ from lodeflow.supervisor import rundir
 
 PATIENCE = 1.5
 """Seconds that the children of a killed supervisor have to close their files."""
+UNHEARD = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""It is there until its supervisor ends, whatever is sent to both of them."""
 
 
 class Janitor:
@@ -24,11 +26,13 @@ class Janitor:
 
     def __init__(self, run_dir: Path) -> None:
         read, self._write = os.pipe()
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, UNHEARD)
         self._pid = os.fork()
         if self._pid == 0:
             os.close(self._write)
             _watch(read, run_dir)
             os._exit(0)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         os.close(read)
 
     @property
@@ -56,8 +60,6 @@ class Janitor:
 
 
 def _watch(read: int, run_dir: Path) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
     children: set[int] = set()
     rest = b""
     while data := os.read(read, 4096):

@@ -6,6 +6,7 @@ does nothing else.
 
 from __future__ import annotations
 
+import signal
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -36,6 +37,7 @@ def run_obituary(
         orders: what the supervisor says.
         awake: is given what ends a wait.
     """
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # which ends it at once
     links, close = open_links(setup, name, orders)
     awake.append(links.wake)
     resign(links, setup.far(name), PATIENCE, stop=ends)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import datetime
 import json
 import os
 import re
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lodeflow.clock import wall_time
 from lodeflow.errors import RunError
 
 ABOUT = "run.json"
@@ -66,20 +68,29 @@ def base() -> Path:
     return path
 
 
-def begin(graph: str, groups: Sequence[str], nodes: Sequence[Sequence[str]], started: str) -> Path:
-    """Make the run directory of this process.
+def place(graph: str) -> Path:
+    """Return where the run directory of this process is to be.
+
+    Raises:
+        RunError: somebody else owns the folder.
+    """
+    return base() / f"{graph[:24]}-{os.getpid()}"
+
+
+def begin(path: Path, graph: str, groups: Sequence[str], nodes: Sequence[Sequence[str]]) -> None:
+    """Make the run directory of this process, at its place.
 
     Raises:
         RunError: it cannot be made.
     """
     sweep()
-    path = base() / f"{graph[:24]}-{os.getpid()}"
+    started = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC)
     about = {
         "graph": graph,
         "pid": os.getpid(),
         "groups": list(groups),
         "nodes": [list(names) for names in nodes],
-        "started": started,
+        "started": started.isoformat(),
     }
     try:
         path.mkdir(mode=0o700)
@@ -87,7 +98,6 @@ def begin(graph: str, groups: Sequence[str], nodes: Sequence[Sequence[str]], sta
         (path / "new").rename(path / ABOUT)
     except OSError as error:
         raise RunError(f"{path}: cannot be made: {error.strerror}") from error
-    return path
 
 
 def link_socket(path: Path, index: int) -> str:

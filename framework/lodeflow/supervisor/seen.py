@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import datetime
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lodeflow.clock import wall_time
 from lodeflow.errors import RunError
 from lodeflow.graph import Graph
 from lodeflow.runtime.engine import Engine
@@ -56,9 +54,9 @@ class Seen:
         self._answers = Answers(graph, MAIN, plan, engine, engine.stop, tell)
         self._window: Window | None = None
         self._run_dir: Path | None = None
-        begun = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC).isoformat()
         try:
-            self._run_dir = rundir.begin(graph.name, [MAIN], [list(graph.nodes)], begun)
+            self._run_dir = rundir.place(graph.name)
+            rundir.begin(self._run_dir, graph.name, [MAIN], [list(graph.nodes)])
             self._window = Window(
                 graph.name,
                 MAIN,

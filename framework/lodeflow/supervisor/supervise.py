@@ -6,7 +6,6 @@ needs is imported once, and a child has it at once.
 
 from __future__ import annotations
 
-import datetime
 import os
 import selectors
 import signal
@@ -18,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from types import FrameType, MappingProxyType
 
-from lodeflow.clock import monotonic, seconds, wall_time
+from lodeflow.clock import monotonic, seconds
 from lodeflow.errors import RunError, did_you_mean
 from lodeflow.graph import Graph
 from lodeflow.graph.changes import with_change
@@ -97,14 +96,12 @@ def supervise(
     samples = speed is not None or any(
         getattr(node.plugin, "max_delay", None) is not None for node in graph.nodes.values()
     )
-    begun = datetime.datetime.fromtimestamp(wall_time() / 1e9, tz=datetime.UTC).isoformat()
-    run_dir = rundir.begin(graph.name, here, [parts[name].nodes for name in here], begun)
     setup = Setup(
         graph,
         digest(graph, *recorded, samples, duration),
         parts,
         here,
-        run_dir,
+        rundir.place(graph.name),
         samples=samples,
         speed=speed,
         duration=None if duration is None else seconds(duration),
@@ -145,7 +142,8 @@ class _Supervisor:
         for descriptor in (woken, wake):
             os.set_blocking(descriptor, False)
         self.selector.register(woken, selectors.EVENT_READ)
-        self.janitor = Janitor(self.setup.run_dir)
+        setup = self.setup
+        self.janitor = Janitor(setup.run_dir)  # before there is anything to clear away
         self.own = (woken, wake, *self.janitor.descriptors)
         before = {
             number: signal.signal(number, handler)
@@ -158,8 +156,10 @@ class _Supervisor:
         }
         old_wake = signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
         try:
+            nodes = [setup.parts[name].nodes for name in setup.here]
+            rundir.begin(setup.run_dir, setup.graph.name, setup.here, nodes)
             _warm_up()
-            for name in self.setup.here:
+            for name in setup.here:
                 self._start(name)
             while self.children or self.due:
                 self._look(woken)
