@@ -50,7 +50,7 @@ def test_ctrl_c_leaves_a_closed_recording(
     process.send_signal([signal.SIGINT, signal.SIGTERM][seed % 2])
     output, errors = process.communicate(timeout=20)
     assert process.returncode == 130, errors
-    assert "Traceback" not in errors
+    assert "Traceback" not in errors, errors
     assert "out.mcap" in output
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)

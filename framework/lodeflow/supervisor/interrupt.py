@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 import threading
@@ -12,10 +13,9 @@ from types import FrameType
 GRACE = 1.0
 """Seconds that a run has to end by itself after Ctrl-C, before it is interrupted where it is."""
 MOMENT, MOMENTS = 0.01, 50
-"""Seconds, and how often, that what must not be left half done is given to finish."""
+"""Seconds, and how often, that LLVM is given to come back to numba, which calls it to compile."""
 
-_IMPORTS = "<frozen importlib"  # how the files of the import system are called
-_OF_LLVM = "_raw_object_cache_"  # what LLVM calls when it has compiled something for numba
+_LLVM = "llvmlite.binding"
 
 
 @contextmanager
@@ -49,22 +49,23 @@ def interruptible(
         stop()
         signal.setitimer(signal.ITIMER_REAL, grace)
 
-    moments = MOMENTS
+    moments, forced = MOMENTS, False
 
     def give_up(number: int, frame: FrameType | None) -> None:
-        nonlocal moments
-        if moments and _must_finish(frame):
+        nonlocal moments, forced
+        if moments and _is_in_llvm(frame):
             moments -= 1
             signal.setitimer(signal.ITIMER_REAL, MOMENT)
             return
+        forced = True
         raise KeyboardInterrupt
 
-    def lost(unraisable: sys.UnraisableHookArgs) -> None:
+    def unraisable(lost: sys.UnraisableHookArgs) -> None:
         # Python can only report what is raised in a finaliser, or in a callback of C: once more.
-        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        if issubclass(lost.exc_type, KeyboardInterrupt):
             signal.setitimer(signal.ITIMER_REAL, MOMENT)
-        else:
-            report(unraisable)
+        elif not forced:  # it leaves things half made, and they complain
+            report(lost)
 
     def closing() -> None:
         signal.setitimer(signal.ITIMER_REAL, 0)
@@ -73,7 +74,7 @@ def interruptible(
 
     handlers = {**dict.fromkeys(by, interrupt), signal.SIGALRM: give_up}
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
-    report, sys.unraisablehook = sys.unraisablehook, lost
+    report, sys.unraisablehook = sys.unraisablehook, unraisable
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, by)
         yield closing
@@ -81,20 +82,20 @@ def interruptible(
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
             signal.signal(number, handler)
+        if forced:
+            gc.collect()
         sys.unraisablehook = report
 
 
-def _must_finish(frame: FrameType | None) -> bool:
-    """Whether an interrupt raised here would leave something half done, and soon would not.
+def _is_in_llvm(frame: FrameType | None) -> bool:
+    """Whether LLVM compiles, or calls back.
 
-    The import system would leave the file of a module open, and numba would be without a function
-    that it believes compiled: the callback of LLVM, which swallows exceptions, is where a signal
-    that comes during a long compilation is noticed.
+    What comes during its long calls is noticed right after them, where the binding has not yet
+    written down what belongs to whom: an exception there leads to a crash. In a callback it would
+    be lost, and numba without a function that it believes compiled.
     """
-    if frame is not None and frame.f_code.co_filename.startswith(_IMPORTS):
-        return True
     while frame is not None:
-        if frame.f_code.co_name.startswith(_OF_LLVM):
+        if frame.f_globals.get("__name__", "").startswith(_LLVM):
             return True
         frame = frame.f_back
     return False
