@@ -73,14 +73,15 @@ def test_what_has_hardly_begun_ends(lodeflow: CommandLine, way: str, seed: int) 
     time.sleep(random.Random(seed).uniform(0.0, 0.5))
     begun = time.monotonic()
     process.send_signal(signal.Signals[way])
-    _, errors = process.communicate(timeout=20)
+    output, errors = process.communicate(timeout=20)
     while list(runs.iterdir()) and time.monotonic() - begun < PATIENCE:
         time.sleep(0.01)
     took = time.monotonic() - begun
     print(f"{way} early: gone after {took:.2f} s")
     assert took < PATIENCE, errors
     assert "ended by" not in errors
-    assert process.returncode == (-signal.SIGKILL if way == "SIGKILL" else 130), errors
+    expected = -signal.SIGKILL if way == "SIGKILL" else 130
+    assert process.returncode == expected, output + errors
     if (lodeflow.folder / "out.mcap").exists():
         lodeflow("info", "out.mcap")
 

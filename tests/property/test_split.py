@@ -70,7 +70,7 @@ class RunningGroup(threading.Thread):
     def run(self) -> None:
         try:
             self.plan.start()
-            assert barrier(self.links, lambda: True, lambda missing: None)
+            assert barrier(self.links, lambda: False, lambda missing: None)
             self.engine.begin()
             self.left = farewell(self.links, 30.0)
         except BaseException as error:

@@ -148,7 +148,7 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
             plan.start()
             if barrier(
                 links,
-                lambda: not engine.stopping.is_set(),
+                engine.stopping.is_set,
                 lambda missing: tell(("waiting", missing)),
             ):
                 tell("ready")

@@ -83,9 +83,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
 
     with interruptible(stop, stopping.is_set, GRACE, by=(signal.SIGTERM,)) as closing:
         try:
-            if barrier(
-                links, lambda: not stopping.is_set(), lambda missing: tell(("waiting", missing))
-            ):
+            if barrier(links, stopping.is_set, lambda missing: tell(("waiting", missing))):
                 tell("ready")
                 while links.is_open():
                     work()

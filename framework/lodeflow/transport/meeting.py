@@ -11,6 +11,8 @@ from lodeflow.transport.links import Links
 
 PATIENCE = 5.0
 """Seconds between two words on whom a group waits for."""
+LATE = 0.5
+"""Seconds in which groups may still meet after the run was told to stop."""
 LOOK_EVERY = 1.0
 """Seconds between two looks at who can be reached."""
 OUT_OF_REACH = 3.0
@@ -23,21 +25,25 @@ other side without it for ever.
 """
 
 
-def barrier(links: Links, wanted: Callable[[], bool], report: Callable[[list[str]], None]) -> bool:
+def barrier(
+    links: Links, is_stopping: Callable[[], bool], report: Callable[[list[str]], None]
+) -> bool:
     """Wait until all links of all neighbours are up; return whether they are.
 
     Args:
         links: of the group.
-        wanted: whether to go on waiting.
+        is_stopping: whether the run is to end. The others may have begun by then, and need this
+            group for what they have sent: they are waited for a little longer.
         report: called now and then with the names of those that are missing.
 
     Raises:
         RunError: another group runs another graph.
     """
-    begun = monotonic()
-    said = begun
-    while wanted():
-        now = monotonic()
+    said = monotonic()
+    until = float("inf")
+    while (now := monotonic()) < until:
+        if is_stopping():
+            until = min(until, now + LATE)
         links.drain(now)
         for link in links.links.values():
             if link.refused is not None:

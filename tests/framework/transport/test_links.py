@@ -76,11 +76,16 @@ class Pair:
     def _attend(self, links: Links) -> None:
         self.attended += 1
 
-    def meet(self) -> None:
-        other = threading.Thread(target=meeting.barrier, args=(self.first, lambda: True, print))
+    def meet(self, *, stopping: bool = False) -> None:
+        def first() -> None:
+            met.append(meeting.barrier(self.first, lambda: stopping, print))
+
+        met: list[bool] = []
+        other = threading.Thread(target=first)
         other.start()
-        assert meeting.barrier(self.second, lambda: True, print)
+        met.append(meeting.barrier(self.second, lambda: stopping, print))
         other.join()
+        assert met == [True, True]
 
     def leave(self, links: Links) -> None:
         """Close without a word, as a process does that is killed."""
@@ -105,6 +110,16 @@ def taken(pair: Pair, seconds: float = 5.0) -> list[tuple[Any, int]]:
             break
         pair.second.wait(0.05)
     return pair.arrived
+
+
+def test_groups_meet_though_they_are_told_to_stop(pair: Pair) -> None:
+    # One of them may have begun before it was told, and be owed what follows from what it sent.
+    pair.meet(stopping=True)
+
+
+def test_who_is_told_to_stop_does_not_wait_for_ever(pair: Pair) -> None:
+    pair.leave(pair.first)
+    assert not meeting.barrier(pair.second, lambda: True, print)
 
 
 def test_orders_are_looked_for_whatever_ends_a_wait(pair: Pair) -> None:
