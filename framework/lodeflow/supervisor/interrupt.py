@@ -61,11 +61,11 @@ def interruptible(
         raise KeyboardInterrupt
 
     def unraisable(lost: sys.UnraisableHookArgs) -> None:
-        # Python can only report what is raised in a finaliser, or in a callback of C: once more.
-        if issubclass(lost.exc_type, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, MOMENT)
-        elif not forced:  # it leaves things half made, and they complain
+        if not forced:
             report(lost)
+        elif issubclass(lost.exc_type, KeyboardInterrupt):
+            # Python can only report what is raised in a finaliser, or in a callback of C: again.
+            signal.setitimer(signal.ITIMER_REAL, MOMENT)
 
     def closing() -> None:
         signal.setitimer(signal.ITIMER_REAL, 0)
@@ -82,7 +82,8 @@ def interruptible(
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
             signal.signal(number, handler)
-        if forced:
+        if forced:  # it has left things half made, and they complain as they go
+            sys.unraisablehook = lambda _: None
             gc.collect()
         sys.unraisablehook = report
 

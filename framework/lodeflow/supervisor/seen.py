@@ -55,8 +55,9 @@ class Seen:
         self._window: Window | None = None
         self._run_dir: Path | None = None
         try:
-            self._run_dir = rundir.place(graph.name)
-            rundir.begin(self._run_dir, graph.name, [MAIN], [list(graph.nodes)])
+            run_dir = rundir.place(graph.name)
+            rundir.begin(run_dir, graph.name, [MAIN], [list(graph.nodes)])
+            self._run_dir = run_dir  # one that could not be made may be another run's
             self._window = Window(
                 graph.name,
                 MAIN,
