@@ -119,6 +119,28 @@ def test_a_killed_group_is_started_again(toy: CommandLine) -> None:
     assert gone(process.pid)
 
 
+@pytest.mark.parametrize("policy", ["restart: on-failure", "on_crash: continue"])
+def test_a_crash_does_not_fail_the_run_where_the_graph_allows_it(
+    toy: CommandLine, policy: str
+) -> None:
+    with_groups(toy, f"{{source: [ticks], gains: {{nodes: [double, triple], {policy}, "
+                     "allow_gaps: true}, ends: [sum, total]}")  # fmt: skip
+    process = toy.start("run", "toy.yaml", "--with", "groups.yaml", "--realtime", "--json",
+                        "--arg", "seconds=3")  # fmt: skip
+    wait_for_recording(toy.folder / "out.mcap")
+    time.sleep(0.7)
+    os.kill(children(process.pid)[2], signal.SIGKILL)  # behind the janitor and the source
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, output + errors
+    told = summary(output)
+    assert told["lossless"]
+    for reader in ("ends", "recorder"):  # counted all the same
+        losses = told["links"][reader]["gains"]
+        assert losses["gaps"] or losses["restarts"]
+    assert "was ended by SIGKILL" in errors
+    toy("replay", "out.mcap", "--check")
+
+
 def test_a_group_that_always_fails_is_given_up(toy: CommandLine) -> None:
     with_groups(toy, "{source: [ticks], gains: {nodes: [double, triple], restart: on-failure, "
                      "limit: 2}, ends: [sum, total]}")  # fmt: skip
@@ -216,6 +238,50 @@ def test_who_is_interrupted_leaves_nobody_waiting(toy: CommandLine) -> None:
     assert not told["lossless"]
     assert told["links"]["ends"]["gains"]["gaps"] == 2
     toy("info", "hosts.mcap")
+
+
+def test_what_only_the_recorder_misses_fails_its_run(toy: CommandLine) -> None:
+    with_groups(toy, "{source: [ticks], gains: [double, triple], "
+                     "ends: {nodes: [sum, total], on_crash: continue}}")  # fmt: skip
+    port = free_port()
+    run = ("run", "toy.yaml", "--with", "groups.yaml", "--realtime", "--json")
+    run = (*run, "--record", "hosts.mcap", "--arg", "seconds=3")
+    here = toy.start(*run, "--only", "recorder", "--listen", f"tcp/127.0.0.1:{port}")
+    there = toy.start(*run, "--only", "source,gains,ends", "--connect", f"tcp/127.0.0.1:{port}")
+    wait_for_recording(toy.folder / "hosts.mcap")
+    time.sleep(0.5)
+    os.kill(children(there.pid)[3], signal.SIGKILL)  # behind the janitor, the source and the gains
+    there.communicate(timeout=60)
+    output, errors = here.communicate(timeout=60)
+    told = summary(output)
+    assert here.returncode == 1, output + errors
+    assert not told["lossless"]
+    assert told["links"]["recorder"]["ends"]["gaps"] == 2
+    kept = {topic: len(rows) for topic, rows in records(toy.folder / "hosts.mcap").items()}
+    assert kept["/double"] == 600 > kept["/sum"] > 0
+
+
+def test_a_node_that_is_interrupted_takes_no_other_group_with_it(toy: CommandLine) -> None:
+    """Who waits for it is given what it has left, and ends in order."""
+    with_groups(toy, "{source: [ticks], gains: [double, triple], ends: [sum], last: [total]}")
+    process = toy.start("run", "toy.yaml", "--with", "groups.yaml", "--realtime", "--json",
+                        "--set", "double.sleep=30")  # fmt: skip
+    wait_for_recording(toy.folder / "out.mcap")
+    time.sleep(0.7)
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=20)
+    assert process.returncode == 1, output + errors
+    assert "node 'double' (Gain.step_block) did not end when it was to stop" in errors
+    links = summary(output)["links"]
+    assert {reader: set(peers) for reader, peers in links.items()} == {
+        "ends": {"gains"},
+        "recorder": {"gains"},
+    }
+    missing = summary(toy("info", "out.mcap", "--json").stdout)["missing"]
+    assert {(gap["stream"], gap["reader"]) for gap in missing} == {
+        (stream, reader) for stream in ("double", "triple") for reader in ("ends", "recorder")
+    }
+    toy("replay", "out.mcap", "--check", "--set", "double.sleep=0")
 
 
 @pytest.mark.parametrize("policy", ["stop", "continue"])

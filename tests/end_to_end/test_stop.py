@@ -58,7 +58,11 @@ def test_ctrl_c_leaves_a_closed_recording(
         assert sum(counts.values()) == sum(1 for _ in reader.iter_messages())
 
 
-def test_a_node_that_does_not_come_back_is_interrupted(lodeflow: CommandLine, graphs: Path) -> None:
+@pytest.mark.parametrize("processes", ["one", "split"])
+def test_a_node_that_does_not_come_back_is_interrupted(
+    lodeflow: CommandLine, processes: str
+) -> None:
+    """And what is lost with it is told, also by the exit code."""
     lodeflow.write("slow.py", SLOW)
     lodeflow.write(
         "slow.yaml",
@@ -67,11 +71,18 @@ def test_a_node_that_does_not_come_back_is_interrupted(lodeflow: CommandLine, gr
         '  slow: {use: "slow:Slow", inputs: {imu: vehicle.imu}}\n'
         "record: {to: out.mcap}\n",
     )
-    process = lodeflow.start("run", "slow.yaml")
+    process = lodeflow.start("run", "slow.yaml", "--processes", processes)
     wait_for(lodeflow.folder / "out.mcap")
     time.sleep(1.0)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
-    assert process.returncode == 130, errors
+    assert process.returncode == 1, errors
+    assert "node 'slow' (Slow.step) did not end when it was to stop" in errors
     with (lodeflow.folder / "out.mcap").open("rb") as file:
         assert make_reader(file).get_summary() is not None
+    assert (
+        "MISSING at recorder, owed by slow: 'slow' from the start to the end"
+        in lodeflow("info", "out.mcap").stdout
+    )
+    lodeflow.write("slow.py", SLOW.replace("30", "0"))
+    lodeflow("replay", "out.mcap", "--check")

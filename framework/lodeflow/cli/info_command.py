@@ -79,8 +79,14 @@ def lines(found: Info) -> list[str]:
             for node, reasons in found.losses.items()
             for why, count in reasons.items()
         ]
-    else:
+    elif not found.missing:
         said.append("losses: none")
+    said += [
+        f"MISSING at {gap.reader}, owed by {gap.sender}: '{gap.stream}'"
+        f"{' from the start' if gap.begin is None else f' from {gap.begin / 1e9:.6f} s'}"
+        f"{' to the end' if gap.end is None else f' to {gap.end / 1e9:.6f} s'}"
+        for gap in found.missing
+    ]
     if found.recovery is not None:
         said.append(f"mended from {found.recovery.get('source')}")
     for name, value in found.provenance.items():

@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lodeflow.errors import MessageError
+from lodeflow.recording.events import GAP
 from lodeflow.recording.fit import Channels, encoding, kind_of, type_name
 from lodeflow.recording.mcap.file import McapFile
 from lodeflow.recording.mcap.raw import parts, topics
+from lodeflow.sync import END, NEVER
 
-GAP = 3.0
+LONG = 3.0
 """A step longer than this many median steps is a gap; told to a thousandth."""
 _PER_E = 1000  # bins for a factor e: steps in one bin differ by a thousandth
 
@@ -54,6 +56,24 @@ class StreamInfo:
         return (self.count - 1) / ((self.last - self.first) / 1e9)
 
 
+class Missing(NamedTuple):
+    """A stretch of a stream that did not reach who was to get it.
+
+    Attributes:
+        stream: its name.
+        sender: the group that owed it, or the node if all ran in one process.
+        reader: the group that did not get it; "recorder" for what is not in the recording.
+        begin: first stamp that is missing, ns; None if all is from the start on.
+        end: first stamp that is there again, ns; None if none is.
+    """
+
+    stream: str
+    sender: str
+    reader: str
+    begin: int | None
+    end: int | None
+
+
 @dataclass
 class Info:
     """A recording.
@@ -64,6 +84,7 @@ class Info:
         provenance: how it was made, texts that hold JSON parsed.
         losses: messages that sources dropped, {node: {why: count}}; None if nothing says so,
             because the run did not come to its end.
+        missing: what did not reach a group or the recorder, after a crash or an interruption.
         recovery: the report of `recover`, if it was mended.
         attachments: names and sizes in bytes of the files in it.
         graph: the attached graph, as text; None if there is none.
@@ -73,6 +94,7 @@ class Info:
     streams: dict[str, StreamInfo] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     losses: dict[str, dict[str, int]] | None = None
+    missing: list[Missing] = field(default_factory=list)
     recovery: dict[str, Any] | None = None
     attachments: dict[str, int] = field(default_factory=dict)
     graph: str | None = None
@@ -87,6 +109,7 @@ class Info:
             },
             "provenance": self.provenance,
             "losses": self.losses,
+            "missing": [missing._asdict() for missing in self.missing],
             "recovery": self.recovery,
             "attachments": self.attachments,
             "graph": self.graph is not None,
@@ -125,6 +148,18 @@ def info(path: str | Path) -> Info:
         for topic in wanted:
             found.streams[topic] = _stream(file, channels[topic])
             steps[topic].report(found.streams[topic])
+        found.missing = _missing(file, wanted.get(GAP.topic, []))
+    return found
+
+
+def _missing(file: McapFile, channels: list[int]) -> list[Missing]:
+    found = []
+    for part in parts(file, {GAP.topic: channels}) if channels else ():
+        rows = part[GAP.topic].rows(file, GAP.topic)
+        for index in range(len(rows.t)):
+            stream, sender, reader, begin, end = GAP.decode(rows.payload(index))
+            span = (None if begin == NEVER else int(begin), None if end == END else int(end))
+            found.append(Missing(str(stream), str(sender), str(reader), *span))
     return found
 
 
@@ -191,6 +226,6 @@ class _Steps:
             left -= count
             if median is None and left <= 0:
                 median = total / count
-            elif median is not None and total > GAP * median * count:
+            elif median is not None and total > LONG * median * count:
                 stream.gaps += count
                 stream.gap_time += total

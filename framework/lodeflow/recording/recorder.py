@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,13 +18,15 @@ import numpy as np
 
 from lodeflow.clock import monotonic
 from lodeflow.errors import MessageError, RecordingError
+from lodeflow.graph.groups import RECORDER
 from lodeflow.graph.model import Wire
 from lodeflow.messages.cdr import Layout, StreamConstants, layout_of
 from lodeflow.messages.message import Message
 from lodeflow.messages.ros import schema_text
-from lodeflow.recording.events import LOG, EventKind, in_range, log_fields
+from lodeflow.recording.events import GAP, LOG, EventKind, in_range, log_fields
 from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.runtime.plan import Plan
+from lodeflow.sync import END, NEVER
 
 PERIOD = 0.1
 """Seconds between two looks of the thread into its queues."""
@@ -75,6 +77,7 @@ class Recorder:
         self._log = _LogHandler(self)
         self._events: deque[tuple[EventKind, int, bytes]] = deque()
         self._event_channels: dict[EventKind, int] = {}
+        self._broken_off: Collection[Wire] = ()
         self._closing = False
         self._wake = threading.Event()
         self._room = threading.Event()
@@ -113,7 +116,7 @@ class Recorder:
         takers: dict[Wire, Taker] = {}
         for wire, kind in kinds.items():
             channel = self.writer.channel(topic(wire), kind.ros, schema_text(kind))
-            stream = _Stream(channel, layout_of(kind, constants.get(wire)))
+            stream = _Stream(wire, channel, layout_of(kind, constants.get(wire)))
             self.streams.append(stream)
             takers[wire] = stream.queue.append
         logging.getLogger("lodeflow").addHandler(self._log)
@@ -146,6 +149,10 @@ class Recorder:
             len(stream.queue) > BACKLOG for stream in self.streams
         )
 
+    def break_off(self, wires: Collection[Wire]) -> None:
+        """Record that streams end before their time where they are, so that a replay does too."""
+        self._broken_off = wires
+
     def close(self, summary: Mapping[str, str]) -> None:
         """Write what is left, a summary of the run, and the end of the file.
 
@@ -160,6 +167,12 @@ class Recorder:
         try:
             if self.error is None:
                 self._drain()
+                for stream in self.streams:
+                    if (wire := stream.wire) in self._broken_off:
+                        begin = NEVER if stream.last == NEVER else stream.last + 1
+                        missing = (str(wire), wire.node, RECORDER, begin, END)
+                        self.event(GAP, in_range(begin), *missing)
+                self._write_events()
                 self.writer.flush_chunk()
                 self.writer.metadata("lodeflow.summary", summary)
         except Exception as error:
@@ -219,7 +232,8 @@ class Recorder:
 class _Stream:
     """The messages of one stream that wait to be written, samples and blocks as they came."""
 
-    def __init__(self, channel: int, layout: Layout) -> None:
+    def __init__(self, wire: Wire, channel: int, layout: Layout) -> None:
+        self.wire, self.last = wire, NEVER
         self.channel = channel
         self.layout = layout
         self.queue: deque[Any] = deque()
@@ -243,6 +257,7 @@ class _Stream:
 
     def write(self, writer: McapWriter, block: Message) -> None:
         """Write a block, encoded where it goes."""
+        self.last = int(block.t[-1])
         writer.write_encoded(
             self.channel,
             block.t,

@@ -136,12 +136,12 @@ class Engine:
                 name = min(reached, key=reached.__getitem__, default=None)
                 if name is not None and self._may_go_on(reached[name]):
                     batch = Batch([], END) if self.stopping.is_set() else next(sources[name])
+                    for _, block in batch.messages:
+                        self._saw(int(block.t[0]), int(block.t[-1]))
                     driver.push(name, batch.messages, batch.bound)
                     reached[name] = batch.bound
                     if batch.bound == END:
                         del reached[name]
-                    for _, block in batch.messages:
-                        self._saw(int(block.t[0]), int(block.t[-1]))
                     moved = True
                 self.exchange.flush()
                 self.watch(self.reached)

@@ -16,7 +16,7 @@ from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.exchange import part_of
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.answers import Answers
-from lodeflow.supervisor.interrupt import interruptible
+from lodeflow.supervisor.interrupt import interruptible, told
 from lodeflow.supervisor.run import keep_scores
 from lodeflow.supervisor.rundir import link_socket, look_socket
 from lodeflow.supervisor.setup import Report, Setup
@@ -28,6 +28,9 @@ from lodeflow.transport.window import Window
 
 LOOK_EVERY = 0.005
 """Seconds between looks at what else there is to do than to work on messages."""
+PATIENCE = 0.3
+"""Seconds that a group waits longer than a plugin is given to end after a stop: it gets what is
+left of groups whose plugins were interrupted."""
 
 Tell = Callable[[Any], None]
 """Tells the supervisor something: "ready", or a Report."""
@@ -95,17 +98,17 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
     for wire in part.outlets:
         plan.tap(wire, links.tap(wire))
     log = _LogSender(links)
-    told = looked = 0.0
+    shown = looked = 0.0
     logging.getLogger("lodeflow").addHandler(log)
 
     def watch(t: int) -> None:
-        nonlocal told, looked
+        nonlocal shown, looked
         log.reached = t
         if (now := monotonic()) - looked < LOOK_EVERY and not links.woken:
             return
         looked, links.woken = now, False
-        if setup.shown and monotonic() - told >= 0.2:
-            told = monotonic()
+        if setup.shown and monotonic() - shown >= 0.2:
+            shown = monotonic()
             engine.count()
             tell(("reached", t, report.counters))
         reach.look()
@@ -143,7 +146,8 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         setup.graph, name, plan, engine, lambda: tell("stop"), changed, links, setup.groups
     )
     window = open_window(setup, name, plan, answers, links.wake)
-    with interruptible(engine.stop, engine.stopping.is_set, by=(signal.SIGTERM,)) as closing:
+    with interruptible(engine.stop, patience=PATIENCE, by=(signal.SIGTERM,)) as closing:
+        interrupted: KeyboardInterrupt | None = None
         try:
             plan.start()
             if barrier(
@@ -153,14 +157,18 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
             ):
                 tell("ready")
                 engine.begin()
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
             engine.stop()
+            interrupted = None if engine.first is None else error
         except LodeflowError as error:
             report.error = str(error)
         except Exception as error:
             report.error = f"lodeflow itself failed: {type(error).__name__}: {error}"
             logging.getLogger("lodeflow").exception("in group '%s'", name)
         closing()
+        if interrupted is not None:
+            report.lossless = setup.graph.processes[name].allow_gaps
+            logging.getLogger("lodeflow").warning(told(interrupted))
         window.close()
         _close(setup, name, plan, engine, links, report, tell)
         close()
@@ -197,8 +205,7 @@ def _close(
     report.stopped = engine.stopping.is_set()
     report.links = {peer: losses.as_dict() for peer, losses in links.losses.items()}
     group = setup.graph.processes[name]
-    lossless_links = all(losses.is_lossless for losses in links.losses.values())
-    report.lossless = plan.lossless and (lossless_links or group.allow_gaps)
+    report.lossless = report.lossless and plan.lossless and links.lossless
     links.note(json.dumps({"report": as_summary(setup, report).as_dict()}))
     tell(report)  # now, because whoever does not take the rest may take too long
     patience = 0.6 if report.stopped or report.error else None

@@ -6,14 +6,19 @@ import gc
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from lodeflow.clock import monotonic
+from lodeflow.node import Configured
+
 GRACE = 1.0
 """Seconds that a run has to end by itself after Ctrl-C, before it is interrupted where it is."""
 MOMENT, MOMENTS = 0.01, 50
-"""Seconds, and how often, that LLVM is given to come back to numba, which calls it to compile."""
+"""Seconds between two looks whether it may be interrupted; and how often LLVM is waited for, until
+it comes back to numba, which calls it to compile."""
 
 _LLVM = "llvmlite.binding"
 
@@ -21,38 +26,45 @@ _LLVM = "llvmlite.binding"
 @contextmanager
 def interruptible(
     stop: Callable[[], None],
-    is_stopping: Callable[[], bool],
     grace: float = GRACE,
+    patience: float = 0.0,
     by: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM),
 ) -> Iterator[Callable[[], None]]:
     """Let Ctrl-C and SIGTERM end the sources; what does not react in time is interrupted.
 
-    Signals that are blocked are not from here on; one that has come before is obeyed now.
+    A second Ctrl-C interrupts at once. Signals that are blocked are not from here on; one that has
+    come before is obeyed now.
 
     Yields what is to be called when the run is over: from then on nothing interrupts the closing
     of the recording, which takes no user code.
 
     Args:
         stop: asks the run to stop; safe in a signal handler.
-        is_stopping: whether it has been asked.
         grace: seconds until it is interrupted.
+        patience: seconds more if no plugin is at work: then others are waited for, and their
+            plugins have just been interrupted.
         by: signals that ask it to stop.
     """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: None
         return
 
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        if is_stopping():
-            give_up(number, frame)
-            return
-        stop()
-        signal.setitimer(signal.ITIMER_REAL, grace)
+    until, moments, forced = 0.0, MOMENTS, False
 
-    moments, forced = MOMENTS, False
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal until
+        if not until:
+            until = monotonic() + grace + patience
+            stop()
+            signal.setitimer(signal.ITIMER_REAL, grace)
+        elif number == signal.SIGINT:  # somebody insists
+            give_up(number, frame)
 
     def give_up(number: int, frame: FrameType | None) -> None:
         nonlocal moments, forced
+        if number == signal.SIGALRM and monotonic() < until and not _is_at_work(frame):
+            signal.setitimer(signal.ITIMER_REAL, MOMENT)
+            return
         if moments and _is_in_llvm(frame):
             moments -= 1
             signal.setitimer(signal.ITIMER_REAL, MOMENT)
@@ -86,6 +98,32 @@ def interruptible(
             sys.unraisablehook = lambda _: None
             gc.collect()
         sys.unraisablehook = report
+
+
+def told(error: KeyboardInterrupt) -> str:
+    """Return what is said of a run that was interrupted after data had come in."""
+    what = "the run"
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        if (plugin := _plugin(frame)) is not None:
+            what = f"node '{plugin.name}' ({type(plugin).__name__}.{frame.f_code.co_name})"
+            break
+    return f"{what} did not end when it was to stop, and was interrupted: data on its way is lost"
+
+
+def _is_at_work(frame: FrameType | None) -> bool:
+    """Whether a plugin is."""
+    while frame is not None:
+        if _plugin(frame) is not None:
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _plugin(frame: FrameType) -> Configured | None:
+    """Return the plugin whose method a frame is."""
+    code = frame.f_code
+    first = frame.f_locals.get(code.co_varnames[0]) if code.co_argcount else None
+    return first if isinstance(first, Configured) else None
 
 
 def _is_in_llvm(frame: FrameType | None) -> bool:

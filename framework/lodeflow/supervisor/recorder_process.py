@@ -27,8 +27,10 @@ from lodeflow.supervisor.interrupt import interruptible
 from lodeflow.supervisor.setup import Report, Setup
 from lodeflow.transport.meeting import Reach, barrier, farewell
 
-GRACE = 1.2
+GRACE = 1.35
 """Seconds after a stop that the recorder waits for the ends of streams; then it closes the file."""
+TOLD = 1.2
+"""Seconds after the ends of streams that it waits for what the groups have to tell."""
 
 
 def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any]) -> Report:
@@ -70,10 +72,13 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         stopping.set()
         links.wake()
 
-    def work() -> None:
-        links.take()
+    def write_down() -> None:
         while notes:
             _note(recorder, reports, *notes.popleft())
+
+    def work() -> None:
+        links.take()
+        write_down()
         answers.tend()
         reach.look()
         if stopping.is_set():
@@ -81,26 +86,28 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         links.flush()
         recorder.keep_up(recorder.reached)
 
-    with interruptible(stop, stopping.is_set, GRACE, by=(signal.SIGTERM,)) as closing:
+    with interruptible(stop, GRACE, by=(signal.SIGTERM,)) as closing:
         try:
             if barrier(links, stopping.is_set, lambda missing: tell(("waiting", missing))):
                 tell("ready")
                 while links.is_open():
                     work()
                     links.wait(TICK)
-                until = monotonic() + GRACE
+                until = monotonic() + TOLD
                 while not _all_told(setup, links, reports) and monotonic() < until:
                     work()
                     links.wait(TICK)
         except KeyboardInterrupt:
-            pass
+            links.break_off()
         except LodeflowError as error:
             report.error = str(error)
         except Exception as error:
             report.error = f"lodeflow itself failed: {type(error).__name__}: {error}"
             logging.getLogger("lodeflow").exception("in the recorder")
         closing()
+        write_down()
         window.close()
+        report.lossless = links.lossless
         report.reached = recorder.reached
         report.stopped = stopping.is_set()
         report.links = {peer: losses.as_dict() for peer, losses in links.losses.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import gc
 import json
+import logging
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,7 @@ from lodeflow.recording.provenance import provenance
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.plan import Counters, Plan
-from lodeflow.supervisor.interrupt import interruptible
+from lodeflow.supervisor.interrupt import interruptible, told
 from lodeflow.supervisor.seen import Look, Seen
 from lodeflow.supervisor.summary import Summary
 
@@ -82,7 +83,7 @@ def run(
     watch.count = engine.count
     started = monotonic()
     # Before the file is begun: it must be closed too.
-    with interruptible(engine.stop, engine.stopping.is_set) as closing:
+    with interruptible(engine.stop) as closing:
         watch.recorder = recorder = _recorder(graph, plan, record, command, about, past)
         if look is not None:
 
@@ -91,11 +92,13 @@ def run(
                     recorder.event(CHANGE, t, node, use, params)
 
             watch.seen = seen = Seen(graph, plan, engine, look, changed)
+        interrupted: KeyboardInterrupt | None = None
         try:
             with _unswept():
                 engine.run()
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
             engine.stop()
+            interrupted = None if engine.first is None else error
         except LodeflowError as error:
             summary.error = error
         except Exception as error:
@@ -103,11 +106,16 @@ def run(
             failure.__cause__ = error
             summary.error = failure
         closing()
+        if interrupted is not None:
+            logging.getLogger("lodeflow").warning(told(interrupted))
+            if recorder is not None:
+                sources = {node.name for node in plan.sources}
+                recorder.break_off([w for w in graph.streams() if w.node not in sources])
         if look is not None:
             seen.close()
         summary.wall = monotonic() - started
         summary.stopped = engine.stopping.is_set()
-        summary.lossless = plan.lossless
+        summary.lossless = plan.lossless and interrupted is None
         summary.span = engine.span / seconds(1)
         if recorder is not None:
             summary.recording = recorder.path

@@ -97,6 +97,7 @@ class Links:
         }
         layouts = {wire: layout_of(kinds[wire]) for wire in {*part.inlets, *part.outlets}}
         self.losses = {name: LinkLosses() for name in self.by_name}
+        self._may_lose = {name for name, group in graph.processes.items() if group.allow_gaps}
         self._outlets = [
             Outlet(
                 flags_of(frames.DATA, me, wires.index(wire)),
@@ -262,10 +263,17 @@ class Links:
         """Whether all streams that another group reads have ended."""
         return all(outlet.bound == END for outlet in self._outlets if link in outlet.readers)
 
+    @property
+    def lossless(self) -> bool:
+        """Whether everything arrived here, but for what groups owed that may have gaps."""
+        return all(x.is_lossless for name, x in self.losses.items() if name not in self._may_lose)
+
     def note(self, text: str, group: str = "") -> None:
         """Send a text to the recorder (or to a group), if it is there."""
         link = self.by_name.get(group or RECORDER)
-        if link is not None:
+        if link is None and self.part.name == RECORDER:
+            self._on_note(RECORDER, text)
+        elif link is not None:
             link.send(flags_of(frames.NOTE, link.index, 0), 0, 0, 0, text.encode())
 
     def left_early(self) -> set[str]:
@@ -375,6 +383,11 @@ class Links:
             self.losses[link.peer].undecodable += 1
             return
         inlet.bring(frame.first, frame.bound, frame.rows, frame.payload)
+
+    def break_off(self) -> None:
+        """End the streams that are still open where they are, and count what is missing."""
+        for inlet in self._inlets.values():
+            inlet.end(lost=True)
 
     def _end(self, link: Link, left: list[Frame], lost: bool) -> None:
         """End the streams of a group that is gone, behind what had arrived of them."""

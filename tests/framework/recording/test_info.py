@@ -13,9 +13,11 @@ from lodeflow.errors import RecordingError
 from lodeflow.messages.cdr import layout_of
 from lodeflow.messages.ros import schema_text
 from lodeflow.messages.vocabulary import Heading
+from lodeflow.recording.events import GAP, in_range
 from lodeflow.recording.info import StreamInfo, _Steps, info
 from lodeflow.recording.mcap.writer import McapWriter
 from lodeflow.recording.recover import recover
+from lodeflow.sync import END, NEVER
 
 
 @pytest.fixture
@@ -121,3 +123,15 @@ def test_stamps_of_any_number_take_the_same_memory(path):
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 2_500_000  # most is the summary, with an entry for each of 2000 chunks
+
+
+def test_what_did_not_arrive_is_told(path):
+    with McapWriter(path) as writer:
+        channel = writer.channel(GAP.topic, GAP.ros, GAP.schema)
+        for begin, end in ((NEVER, 7), (7, END)):
+            payload = GAP.encode(in_range(begin), "s.a", "one", "two", begin, end)
+            record = np.frombuffer(payload, dtype=np.uint8)[None]
+            writer.write(channel, np.array([in_range(begin)]), record)
+    found = info(path)
+    assert found.missing == [("s.a", "one", "two", None, 7), ("s.a", "one", "two", 7, None)]
+    json.dumps(found.as_dict(), allow_nan=False)

@@ -18,9 +18,7 @@ def work(tell: Callable[[Any], None], orders: deque[Any], awake: list[Any]) -> R
     """Begin slowly, and run until the end is asked for."""
     stopping: list[None] = []
     time.sleep(0.3)
-    with interruptible(
-        lambda: stopping.append(None), lambda: bool(stopping), by=(signal.SIGTERM,)
-    ) as closing:
+    with interruptible(lambda: stopping.append(None), by=(signal.SIGTERM,)) as closing:
         tell("ready")
         until = time.monotonic() + 20.0
         while not stopping and time.monotonic() < until:

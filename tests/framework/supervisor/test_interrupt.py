@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 import llvmlite.binding as llvm
 import pytest
 
+import lodeflow as lf
 from lodeflow.supervisor.interrupt import MOMENT, MOMENTS, interruptible
 
 
@@ -75,20 +76,33 @@ def compiling(seconds: float) -> Work:
     return run
 
 
-def ended(*work: Work, signals: int = 1, grace: float = 0.05) -> int:
+class Slow(lf.Node):
+    def step(self, x: lf.Heading) -> lf.Heading:
+        busy(LONG)()
+        return x
+
+
+def ended(
+    *work: Work,
+    signals: int = 1,
+    grace: float = 0.05,
+    patience: float = 0.0,
+    number: signal.Signals = signal.SIGINT,
+) -> int:
     """Do work, one after the other; return how much of it ended.
 
     Args:
         work: what is done.
         signals: how often the run is asked to stop before it, which it ignores.
         grace: seconds that it has then.
+        patience: seconds more where no plugin is at work.
+        number: of the signal that asks.
     """
-    asked: list[None] = []
     done = 0
-    with interruptible(lambda: asked.append(None), lambda: bool(asked), grace=grace):
+    with interruptible(lambda: None, grace, patience):
         try:
             for _ in range(signals):
-                os.kill(os.getpid(), signal.SIGINT)
+                os.kill(os.getpid(), number)
             for each in work:
                 each()
                 done += 1
@@ -148,8 +162,18 @@ def test_what_a_finaliser_complains_of_is_told_if_nobody_interrupted(
     assert sys.unraisablehook is before
 
 
-def test_a_second_signal_interrupts_at_once() -> None:
+def test_a_second_ctrl_c_interrupts_at_once() -> None:
     assert ended(busy(LONG), signals=2, grace=10 * LONG) == 0
+
+
+def test_a_second_sigterm_does_not() -> None:
+    assert ended(busy(0.1), signals=2, grace=10 * LONG, number=signal.SIGTERM) == 1
+
+
+def test_where_no_plugin_is_at_work_there_is_more_patience() -> None:
+    assert ended(busy(0.3), patience=10 * LONG) == 1
+    assert ended(busy(LONG), patience=0.1) == 0
+    assert ended(lambda: Slow().step(lf.Heading.of(0, heading=0.0)), patience=10 * LONG) == 0
 
 
 def test_who_ends_in_time_is_not_interrupted() -> None:
