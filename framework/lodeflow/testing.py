@@ -11,6 +11,7 @@ def test_doubler() -> None:
 from __future__ import annotations
 
 import random
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -73,8 +74,9 @@ def check_node(
 
     For a node: any split of its inputs into blocks, and single samples, give the same bytes;
     `start()` resets; inputs are not modified; no wall clock or global random generator is used;
-    stamps obey the rules of event time. For a source: two runs give the same bytes, and nothing
-    of what it yields has to be dropped.
+    stamps obey the rules of event time; numba compiles in `start()`, unless it has in an earlier
+    test. For a source: two runs give the same bytes, and nothing of what it yields has to be
+    dropped.
 
     Args:
         plugin: the class.
@@ -107,6 +109,7 @@ def _check_node(
     harness = Harness(plugin, params, random_inputs(plugin, rng) if inputs is None else inputs)
     before = harness.fingerprint()
     whole = harness.encoded(harness.run_blocks([END]))
+    _check_compiled(plugin, harness.started)
     _check_inputs(plugin, harness, before)  # first: whatever comes after would differ as well
     _compare(plugin, "start() must reset all state", whole, harness.run_blocks([END]), harness)
     cuts = random.Random(seed)
@@ -118,6 +121,7 @@ def _check_node(
     single = harness.run_blocks(every)
     _compare(plugin, "blocks of one row must give the same bytes", whole, single, harness)
     samples = harness.run_samples()
+    _check_compiled(plugin, harness.started)
     _compare(plugin, "single samples must give the same bytes", whole, samples, harness)
     _check_inputs(plugin, harness, before)
 
@@ -125,6 +129,29 @@ def _check_node(
 def _check_inputs(plugin: type, harness: Harness, before: list[bytes]) -> None:
     if harness.fingerprint() != before:
         raise _broken(plugin, "inputs must not be modified")
+
+
+def _check_compiled(plugin: type, before: set[str]) -> None:
+    if late := _kernels() - before:
+        raise _broken(
+            plugin,
+            "a function must be compiled in start(), or the first message waits for it: call it "
+            f"there with arguments of these types, on no rows: {', '.join(sorted(late))}",
+        )
+
+
+def _kernels() -> set[str]:
+    """Return what numba has compiled: the functions of all modules, with the types they take."""
+    numba = sys.modules.get("numba.core.dispatcher")
+    if numba is None:
+        return set()
+    return {
+        f"{value.__module__}.{value.__qualname__}({', '.join(map(str, signature))})"
+        for module in list(sys.modules.values())
+        for value in list(vars(module).values())
+        if isinstance(value, numba.Dispatcher)
+        for signature in value.signatures
+    }
 
 
 def random_inputs(plugin: type[Node], rng: np.random.Generator) -> dict[str, Message]:
@@ -191,6 +218,7 @@ class Harness:
         hand = GraphNode("hand", "hand", source, source.Params())
         self.graph = Graph("check", {"hand": hand, "node": node})
         self.plan = Plan(self.graph)
+        self.started: set[str] = set()
 
     def fingerprint(self) -> list[bytes]:
         """Return the bytes of all inputs."""
@@ -202,6 +230,7 @@ class Harness:
         for name, into in sent.items():
             self.plan.taps[Wire("node", name)][:] = [into.append]
         self.plan.start()
+        self.started = _kernels()
         return sent
 
     def run_blocks(self, cuts: list[int]) -> dict[str, list[Any]]:
@@ -331,10 +360,12 @@ def _check_source(plugin: type[Source], params: Mapping[str, Any] | None, durati
         (planned,) = plan.sources
         for _restart in range(2):  # start() must reset what an earlier read left
             plan.start()
+            started = _kernels()
             sent: dict[int, list[Any]] = {}
             for batch in feeds([planned], SimClock(), duration)[planned.name]:
                 for index, block in batch.messages:
                     sent.setdefault(index, []).append(block)
+            _check_compiled(plugin, started)
             if planned.counters.lost:
                 raise _broken(
                     plugin,

@@ -23,6 +23,32 @@ processes:
   display: {nodes: [display], latest: true}
 """
 
+LATE = """\
+import time
+import lodeflow as lf
+from toys import Count
+
+class Late(lf.Node):
+    class Params(lf.Params):
+        seconds: float = 0.0
+
+    def start(self) -> None:
+        time.sleep(self.params.seconds)
+
+    def step(self, x: Count) -> Count:
+        return x
+"""
+CHAIN = """\
+lodeflow: 1
+name: chain
+nodes:
+  ticks: {use: "toys:Ticks"}
+  first: {use: "toys:Total", inputs: {x: ticks}}
+  second: {use: "toys:Total", inputs: {x: first}}
+  third: {use: "toys:Total", inputs: {x: second}}
+  last: {use: "late:Late", inputs: {x: third}}
+"""
+
 
 @pytest.fixture
 def toy(lodeflow: CommandLine) -> CommandLine:
@@ -139,6 +165,21 @@ def test_a_crash_does_not_fail_the_run_where_the_graph_allows_it(
         assert losses["gaps"] or losses["restarts"]
     assert "was ended by SIGKILL" in errors
     toy("replay", "out.mcap", "--check")
+
+
+def test_no_source_begins_before_all_have_started(toy: CommandLine) -> None:
+    """However far they are from each other, and without a recorder that knows them all."""
+    toy.write("late.py", LATE)
+    toy.write("chain.yaml", CHAIN)
+    run = ("run", "chain.yaml", "--realtime", "--json", "--processes", "split")
+    process = toy.start(*run, "--set", "last.seconds=60")
+    time.sleep(4.0)
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=20)
+    assert process.returncode == 130, output + errors
+    assert set(summary(output)["streams"].values()) == {0}
+    told = summary(toy(*run, "--duration", "0.5").stdout)
+    assert set(told["streams"].values()) == {100}
 
 
 def test_a_group_that_always_fails_is_given_up(toy: CommandLine) -> None:

@@ -86,6 +86,28 @@ def test_what_has_hardly_begun_ends(lodeflow: CommandLine, way: str, seed: int) 
         lodeflow("info", "out.mcap")
 
 
+@pytest.mark.parametrize("seed", range(int(os.environ.get("LODEFLOW_ROUNDS", "2"))))
+def test_what_compiles_ends(lodeflow: CommandLine, graphs: Path, seed: int) -> None:
+    """Nothing is lost: no data comes before numba is done in all processes."""
+    lodeflow.environment["NUMBA_CACHE_DIR"] = str(lodeflow.folder / "numba")
+    process = lodeflow.start("run", graphs / "heading.yaml", "--realtime", "--json",
+                             "--processes", "split", "--record", "out.mcap")  # fmt: skip
+    runs = lodeflow.runtime / "lodeflow"
+    until = time.monotonic() + 60.0
+    while not runs.exists() or not list(runs.iterdir()):
+        assert time.monotonic() < until
+        time.sleep(0.001)
+    time.sleep(random.Random(seed).uniform(0.5, 6.0))
+    begun = time.monotonic()
+    process.send_signal(signal.SIGTERM)
+    output, errors = process.communicate(timeout=20)
+    took = time.monotonic() - begun
+    print(f"compiling: gone after {took:.2f} s")
+    assert took < PATIENCE, errors
+    assert process.returncode == 130, output + errors
+    lodeflow("replay", "out.mcap", "--check")
+
+
 def shared_memory(pid: int) -> set[Path]:
     """Return the files of shared memory that a process has mapped."""
     maps = (Path("/proc") / str(pid) / "maps").read_text()

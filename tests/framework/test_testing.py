@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from numba import njit
 
 import lodeflow as lf
 from lodeflow.testing import check_node, run_node
@@ -28,6 +29,29 @@ class Sum(lf.Node):
     def step(self, rate: lf.AngularRate) -> lf.AngularRate:
         self.sum = self.sum + rate.angular_rate
         return rate.replace(angular_rate=self.sum)
+
+
+@njit
+def twice(column: np.ndarray) -> np.ndarray:
+    return 2.0 * column
+
+
+@njit
+def thrice(column: np.ndarray) -> np.ndarray:
+    return 3.0 * column
+
+
+class CompiledLate(lf.Node):
+    def step_block(self, rate: lf.AngularRate) -> lf.AngularRate:
+        return rate.replace(angular_rate=twice(rate.angular_rate))
+
+
+class CompiledAtStart(lf.Node):
+    def start(self) -> None:
+        thrice(np.empty((0, 3)))
+
+    def step_block(self, rate: lf.AngularRate) -> lf.AngularRate:
+        return rate.replace(angular_rate=thrice(rate.angular_rate))
 
 
 class NeverReset(Sum):
@@ -215,6 +239,13 @@ def test_parameters_without_a_value_are_told(plugin: type[Any]) -> None:
         check_node(plugin, {"gain": "much", "offset": 1.0, "gian": 2.0})
     assert str(raised.value).startswith(f"{path}: gain: Input should be a valid number")
     assert "; gian: Extra inputs are not permitted" in str(raised.value)
+
+
+def test_what_numba_compiles_is_compiled_at_the_start() -> None:
+    check_node(CompiledAtStart)
+    late = r"compiled in start\(\).*\.twice\(array\(float64, 2d, C\)\)"
+    with pytest.raises(lf.ContractError, match=late):
+        check_node(CompiledLate)
 
 
 def test_the_example_fills_in_what_has_no_default() -> None:

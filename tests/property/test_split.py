@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lodeflow.graph.model import Graph, Group, Wire
-from lodeflow.graph.partition import Part, partition
+from lodeflow.graph.partition import Part, farthest, partition
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.exchange import part_of
 from lodeflow.runtime.plan import Plan
@@ -56,7 +56,8 @@ class RunningGroup(threading.Thread):
             settings=LINKS,
         )
         part = parts[name]
-        self.links = Links(self.session, graph, part, list(parts))
+        rounds = farthest(parts) + 1
+        self.links = Links(self.session, graph, part, list(parts), rounds=rounds)
         self.plan = Plan(part_of(graph, part.nodes, part.inlets))
         self.streams = {w: s for w, s in collect(self.plan).items() if w.node in part.nodes}
         for wire in part.outlets:

@@ -92,6 +92,18 @@ def partition(graph: Graph, recorded: Iterable[Wire] = ()) -> dict[str, Part]:
     }
 
 
+def farthest(parts: Mapping[str, Part]) -> int:
+    """Return the number of links between the two groups that are farthest from each other."""
+    most = 0
+    for name in parts:
+        near, found, away = {name}, {name}, 0
+        while near := {peer for each in near for peer in parts[each].peers} - found:
+            found |= near
+            away += 1
+        most = max(most, away)
+    return most
+
+
 def _reach(before: Mapping[str, set[str]]) -> dict[str, set[str]]:
     """Return all groups that lie upstream of each."""
     found = {name: set(names) for name, names in before.items()}

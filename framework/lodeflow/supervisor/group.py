@@ -11,6 +11,7 @@ from typing import Any
 
 from lodeflow.clock import monotonic
 from lodeflow.errors import LodeflowError, RunError
+from lodeflow.graph.partition import farthest
 from lodeflow.recording.events import in_range, log_fields
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.exchange import part_of
@@ -65,6 +66,7 @@ def open_links(
         part,
         setup.groups,
         setup.digest,
+        rounds=farthest(setup.parts) + 1,
         on_note=on_note,
         attend=lambda links: obey(links, orders),
     )
@@ -157,6 +159,8 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
             ):
                 tell("ready")
                 engine.begin()
+            elif links.has_unread:  # others had begun
+                links.break_off()
         except KeyboardInterrupt as error:
             engine.stop()
             interrupted = None if engine.first is None else error

@@ -37,7 +37,7 @@ SURE = (1 << 32) - 1
 """In place of a turn: what was sent again has gone by, without what is missing."""
 
 _pack = frames.HEAD.pack
-_HELLO = struct.Struct("<QQQB16s")
+_HELLO = struct.Struct("<QQQHHH16s")
 
 
 class Hello(NamedTuple):
@@ -47,8 +47,9 @@ class Hello(NamedTuple):
         incarnation: of the sender; a restarted process has a higher one.
         heard: incarnation of the receiver that the sender knows of, or 0.
         base: number of the oldest frame that the sender still keeps.
-        ready: bit 0: all links of the sender are up; bit 1: it knows that the receiver is ready;
-            bit 2: it knows that the receiver knows that.
+        ready: of the sender, see `Link`.
+        known: what it knows of the receiver's.
+        agreed: what it knows that the receiver knows of the sender's.
         graph: digest of the graph that it runs.
     """
 
@@ -56,6 +57,8 @@ class Hello(NamedTuple):
     heard: int
     base: int
     ready: int
+    known: int
+    agreed: int
     graph: bytes
 
 
@@ -75,11 +78,14 @@ class Link:
         graph: digest of the graph that runs here.
         latest: the other group only watches; it holds nobody back, and misses what comes while
             its window is full.
+        rounds: how far both are ready when the run begins.
 
     Attributes:
+        ready: how far this group is: 0 if not all of its links are up; else one more than the
+            least that a neighbour is. So n says that all links within n - 1 links from here are up.
         arrived: frames in order that nobody has worked on yet.
         joined: both sides have heard each other.
-        peer_ready: all links of the other side are up.
+        peer_ready: how far the other side is.
         departed: the other side has nothing more to send, and everything from here.
         closed: the other group is gone for good.
         gone: the other side has said so itself, with some of its frames not taken.
@@ -96,13 +102,14 @@ class Link:
         incarnation: int,
         graph: bytes,
         latest: bool = False,
+        rounds: int = 1,
     ) -> None:
         self.peer, self.index = peer, index
         self.publisher = publisher
         self.incarnation, self.graph = incarnation, graph
-        self.latest = latest
-        self.ready = False
-        self.joined = self.peer_ready = self.departed = self.closed = False
+        self.latest, self.rounds = latest, rounds
+        self.ready = self.peer_ready = self._known = 0
+        self.joined = self.departed = self.closed = False
         self.gone = self.stops = False
         self.restarts = 0
         self.refused: bytes | None = None
@@ -120,7 +127,6 @@ class Link:
         self._progress = 0.0
         self._patience = PROBE_AFTER
         self._greeted = 0.0
-        self._knows = False
 
     @property
     def waiting(self) -> int:
@@ -274,7 +280,7 @@ class Link:
             self._taken = self._taken_bytes = 0
             self._taken_since = 0.0
             self._say(frames.ACK, self._done)
-        if not (self.joined and self.peer_ready and self._knows):
+        if not self.joined or min(self.peer_ready, self._known) < self.rounds:
             if now - self._greeted >= HELLO_EVERY:
                 self.greet(now)
         elif not self._outbox:
@@ -287,8 +293,8 @@ class Link:
     def greet(self, now: float) -> None:
         """Tell the other side what it may not know yet."""
         self._greeted = now
-        state = int(self.ready) | int(self.peer_ready) << 1 | int(self._knows) << 2
-        hello = _HELLO.pack(self.incarnation, self._theirs, self._outbox.base, state, self.graph)
+        state = (self.ready, self.peer_ready, self._known)
+        hello = _HELLO.pack(self.incarnation, self._theirs, self._outbox.base, *state, self.graph)
         put(self.publisher, head_of(0, 0, 0, 0, frames.HELLO, self.index, 0) + hello)
 
     def say_end(self, *, whole: bool) -> None:
@@ -342,18 +348,18 @@ class Link:
             self._asked = (-1, 0, 0.0)
             self._heard_turn, self._latest = 0, -1
             self._taken = self._taken_bytes = 0
-            self.joined = self.peer_ready = self._knows = self.departed = False
+            self.joined = self.departed = False
             self._greeted = 0.0
         if hello.heard == self.incarnation and not self.joined:
             self.joined = True
             self._send_again(now)
-        self.peer_ready = bool(hello.ready & 1)
-        self._knows = hello.heard == self.incarnation and bool(hello.ready & 2)
+        self.peer_ready = hello.ready
+        self._known = hello.known if hello.heard == self.incarnation else 0
         # Answer only what it does not know yet and we do: else two would talk without end.
         if (
             hello.heard != self.incarnation
-            or (self.ready and not hello.ready & 2)
-            or (self.peer_ready and not hello.ready & 4)
+            or hello.known != self.ready
+            or hello.agreed != self.peer_ready
         ):
             self.greet(now)
 

@@ -46,6 +46,7 @@ class Links:
         part: the group that runs here.
         groups: names of all groups, in the same order everywhere.
         digest: 16 bytes that tell the graph from others; groups of another do not link.
+        rounds: of word between neighbours until all know that all links of the run are up.
         on_note: called with each text that another group sends for the recorder.
         attend: called whenever frames are looked for, also before and after the data.
 
@@ -63,10 +64,11 @@ class Links:
         groups: Sequence[str],
         digest: bytes = bytes(16),
         *,
+        rounds: int = 2,
         on_note: Callable[[str, str], None] = lambda group, text: None,
         attend: Callable[[Links], None] = lambda links: None,
     ) -> None:
-        self.part = part
+        self.part, self.rounds = part, rounds
         self.outlets = frozenset(part.outlets)
         self.incarnation = wall_time() // 10_000_000 % (INCARNATIONS - 1) + 1
         me = groups.index(part.name)
@@ -81,6 +83,7 @@ class Links:
                 self.incarnation,
                 digest,
                 peer in graph.processes and graph.processes[peer].latest,
+                rounds,
             )
             for peer in part.peers
         }
@@ -383,6 +386,11 @@ class Links:
             self.losses[link.peer].undecodable += 1
             return
         inlet.bring(frame.first, frame.bound, frame.rows, frame.payload)
+
+    @property
+    def has_unread(self) -> bool:
+        """Whether frames have come that nobody has worked on."""
+        return any(link.arrived for link in self.links.values())
 
     def break_off(self) -> None:
         """End the streams that are still open where they are, and count what is missing."""

@@ -28,7 +28,9 @@ other side without it for ever.
 def barrier(
     links: Links, is_stopping: Callable[[], bool], report: Callable[[list[str]], None]
 ) -> bool:
-    """Wait until all links of all neighbours are up; return whether they are.
+    """Wait until all links of the run are up; return whether they are.
+
+    A group hears from its neighbours how far from them all is up, and tells them in turn.
 
     Args:
         links: of the group.
@@ -53,19 +55,22 @@ def barrier(
                     "--with, --record or not, --realtime, --duration)"
                 )
         open_links = [link for link in links.links.values() if not link.closed]
-        joined = all(link.joined for link in open_links)
+        ready = 0
+        if all(link.joined for link in open_links):
+            least = min((link.peer_ready for link in open_links), default=links.rounds)
+            ready = min(links.rounds, least + 1)
         for link in open_links:
-            news = joined and not link.ready
-            link.ready = joined
+            news = ready > link.ready
+            link.ready = ready
             if news:
                 link.greet(now)  # at once: the others wait for it
             link.tend(now)
-        if joined and all(link.peer_ready for link in open_links):
+        if ready == links.rounds:
             return True
         if now - said > PATIENCE:
             said = now
             late = [x.peer for x in open_links if not x.joined]
-            report(late or [x.peer for x in open_links if not x.peer_ready])
+            report(late or [x.peer for x in open_links if x.peer_ready == least])
         links.wait(HELLO_EVERY / 2)
     return False
 

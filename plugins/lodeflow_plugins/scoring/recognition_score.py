@@ -108,6 +108,15 @@ class ScoreFcm(_Collecting):
         good: GOOD = Field(float(np.radians(5.0)), gt=0)
         """Heading error below which a sample is good."""
 
+    def start(self) -> None:
+        super().start()
+        p = self.params
+        points = np.random.default_rng(0).random((2 * p.clusters, 2))
+        centres = fuzzy_c_means.fit(points, p.clusters, fuzzifier=p.fuzzifier).centres  # compiles
+        none, nothing = np.empty((0, 2)), np.empty(0)
+        used = np.empty(0, np.int64)
+        stages.credibility(none, nothing, used, p.scales, centres, centres, p.fuzzifier)
+
     def step_block(
         self, features: lf.CompassFeatures, candidates: lf.Credibility, truth: lf.Heading
     ) -> None:

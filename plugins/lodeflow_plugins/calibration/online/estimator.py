@@ -86,9 +86,10 @@ class Estimator:
         """Stamps of the last row and of the segment's beginning, the segment's rows, and the stamp
         of the last rate."""
         self.rate = np.zeros(3)
-        self.turn = np.eye(3)
-        self.sums = np.zeros(16)
+        self.turn = np.empty((3, 3))
+        self.sums = np.empty(16)
         """Over the segment: of R (9), m (3), R m (3) and |m|^2 (1)."""
+        _begin(NEVER, self.times, self.turn, self.sums)
         self.information = np.zeros((3, 3))
         self.vector = np.zeros(3)
         self.misfits, self.weight = 0.0, 0.0

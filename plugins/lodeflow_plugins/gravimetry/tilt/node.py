@@ -90,7 +90,10 @@ class TiltCorrection(Filtered):
         """Stamps (M,) and corrections (M, 3) of filtered columns (N, 9)."""
         at, out = np.empty(len(t), np.int64), np.empty(columns.shape)
         found = smoothing.smooth(t, columns, self.weights, *self.state, at, out)
-        f, a, c, d = out[:found, :3], out[:found, 3:5], out[:found, 5:7], out[:found, 7:9]
+        # In one layout: the kernel would be compiled again for another.
+        f, a, c, d = (
+            np.ascontiguousarray(out[:found, i:j]) for i, j in ((0, 3), (3, 5), (5, 7), (7, 9))
+        )
         return at[:found], correction.corrections(f, a, c, d, self.gravity)
 
     def step_block(

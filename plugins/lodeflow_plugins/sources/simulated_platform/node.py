@@ -83,9 +83,11 @@ class SimulatedPlatform(lf.Source):
             accelerometer=model.SensorError(p.accel_noise),
             magnetometer=model.SensorError(p.mag_noise),
         )
-        self.drift = np.zeros(3)
         self.earth_force = np.array([0.0, 0.0, self.vehicle.gravity])
         self.earth_field = p.field * np.array([0.0, np.cos(p.dip), -np.sin(p.dip)])
+        self.drift = np.zeros(3)
+        self._rows(0, np.arange(1))  # compiles
+        self.drift = np.zeros(3)
 
     def read(self, clock: lf.Clock) -> Iterator[Ports]:
         count = round(self.programme.duration * self.params.rate)

@@ -1,6 +1,7 @@
 """The turntable as a source."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -69,6 +70,7 @@ class Turntable(lf.Source):
             disturbed=p.disturbed, noise=p.noise, offset=p.residual, scale=p.residual
         )
         self.table = model.Turntable(bench, p.seed)
+        model.Turntable(replace(bench, disturbed=1.0), p.seed).rotation(0)  # compiles
         self.bias = p.gyro_bias * np.random.default_rng([p.seed, 2]).standard_normal()
 
     def read(self, clock: lf.Clock) -> Iterator[Ports]:

@@ -100,6 +100,7 @@ class VehicleInCity(lf.Source):
             **unmodelled,
         )
         self.world = model.World(city, p.seed, p.duration, p.rate)
+        next(model.World(city, p.seed, 1.0 / p.rate, p.rate).frames())  # compiles
 
     def read(self, clock: lf.Clock) -> Iterator[Ports]:
         p = self.params
