@@ -47,6 +47,16 @@ def wait_for_recording(path: Path, seconds: float = 60.0) -> None:
         time.sleep(0.01)
 
 
+def wait_for_run(runtime: Path, seconds: float = 60.0) -> Path:
+    """Wait until a run has a directory; return where those of all runs are."""
+    runs = runtime / "lodeflow"
+    until = time.monotonic() + seconds
+    while not runs.exists() or not list(runs.iterdir()):
+        assert time.monotonic() < until, "no run has begun"
+        time.sleep(0.001)
+    return runs
+
+
 def free_port() -> int:
     """Return a TCP port that nobody listens at."""
     with socket.socket() as probe:

@@ -73,7 +73,7 @@ class Display(lf.Node):
 class Device(lf.Source):
     """A live device: counts in bursts, a thousand a second."""
 
-    max_delay = 10_000_000
+    max_delay = 200_000_000  # the thread that reads it may wait for a busy machine
 
     class Params(lf.Params):
         burst: int = 1

@@ -75,8 +75,8 @@ def test_two_graphs_launched_apart_connect(toy: CommandLine, endpoint: str) -> N
     told = json.loads(output)
     assert 1.0 < told["event_seconds"] <= 2.0
     maker.terminate()
-    _, errors = maker.communicate(timeout=30)
-    assert maker.returncode == 130, errors
+    output, errors = maker.communicate(timeout=30)
+    assert maker.returncode == 130, output + errors
     came = [value for _, value in values(toy.folder / "reader.mcap", "/total_x")]
     assert len(came) > 100
     assert came == [came[0] + n for n in range(len(came))]  # all of them, in order
