@@ -84,6 +84,11 @@ class Engine:
         self.by_samples = bool(self.live) or speed is not None if samples is None else samples
 
     @property
+    def begun(self) -> bool:
+        """Whether all nodes have started, and data may come."""
+        return self.driver is not None
+
+    @property
     def span(self) -> int:
         """Event time from the first stamp that a source sent to the last, in nanoseconds."""
         return 0 if self.first is None else self.last - self.first

@@ -148,7 +148,9 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         setup.graph, name, plan, engine, lambda: tell("stop"), changed, links, setup.groups
     )
     window = open_window(setup, name, plan, answers, links.wake)
-    with interruptible(engine.stop, patience=PATIENCE, by=(signal.SIGTERM,)) as closing:
+    with interruptible(
+        engine.stop, patience=PATIENCE, begun=lambda: engine.begun, by=(signal.SIGTERM,)
+    ) as closing:
         interrupted: KeyboardInterrupt | None = None
         try:
             plan.start()
@@ -214,7 +216,8 @@ def _close(
     tell(report)  # now, because whoever does not take the rest may take too long
     patience = 0.6 if report.stopped or report.error else None
     # One that may be started again is not gone; if it is not, its supervisor says so.
-    left = farewell(links, patience, silent=bool(report.error) and group.restart != "never")
+    again = bool(report.error) and group.restart != "never"
+    left = farewell(links, patience, silent=again, begun=engine.begun or links.has_unread)
     if left and report.stopped:
         report.lossless = report.lossless and group.allow_gaps
         logging.getLogger("lodeflow").warning("%d frames could not be handed over in time", left)

@@ -28,6 +28,7 @@ def interruptible(
     stop: Callable[[], None],
     grace: float = GRACE,
     patience: float = 0.0,
+    begun: Callable[[], bool] = lambda: True,
     by: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM),
 ) -> Iterator[Callable[[], None]]:
     """Let Ctrl-C and SIGTERM end the sources; what does not react in time is interrupted.
@@ -43,6 +44,8 @@ def interruptible(
         grace: seconds until it is interrupted.
         patience: seconds more if no plugin is at work: then others are waited for, and their
             plugins have just been interrupted.
+        begun: whether data may have come. Before, nothing is lost with a plugin that is at its
+            start, and it is interrupted at once.
         by: signals that ask it to stop.
     """
     if threading.current_thread() is not threading.main_thread():
@@ -56,7 +59,8 @@ def interruptible(
         if not until:
             until = monotonic() + grace + patience
             stop()
-            signal.setitimer(signal.ITIMER_REAL, grace)
+            at_once = not begun() and _is_at_work(frame)
+            signal.setitimer(signal.ITIMER_REAL, MOMENT if at_once else grace)
         elif number == signal.SIGINT:  # somebody insists
             give_up(number, frame)
 

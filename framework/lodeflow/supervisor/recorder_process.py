@@ -97,6 +97,8 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
                 while not _all_told(setup, links, reports) and monotonic() < until:
                     work()
                     links.wait(TICK)
+            elif links.has_unread:  # others had begun
+                links.break_off()
         except KeyboardInterrupt:
             links.break_off()
         except LodeflowError as error:
@@ -112,7 +114,9 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
         report.stopped = stopping.is_set()
         report.links = {peer: losses.as_dict() for peer, losses in links.losses.items()}
         try:
-            recorder.close({"summary": json.dumps(merged(reports, setup))})
+            summary = merged(reports, setup)
+            summary["lossless"] = summary["lossless"] and report.lossless
+            recorder.close({"summary": json.dumps(summary)})
         except LodeflowError as error:
             report.error = report.error or str(error)
         farewell(links, 0.3 if report.stopped or report.error else None)

@@ -83,7 +83,7 @@ def run(
     watch.count = engine.count
     started = monotonic()
     # Before the file is begun: it must be closed too.
-    with interruptible(engine.stop) as closing:
+    with interruptible(engine.stop, begun=lambda: engine.begun) as closing:
         watch.recorder = recorder = _recorder(graph, plan, record, command, about, past)
         if look is not None:
 

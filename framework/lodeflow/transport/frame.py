@@ -33,7 +33,8 @@ BYE = 6
 WAKE = 7
 """From oneself: end a wait."""
 GONE = 8
-"""I end with things unsaid, and will not come back; not in sequence."""
+"""I end with things unsaid, and will not come back; not in sequence. `rows` is 1 if I have not
+begun: then nothing is missing."""
 
 PROBE = 9
 """What have you got? All before the number in `bound` was sent; not in sequence. `rows` is the

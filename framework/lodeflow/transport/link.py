@@ -89,6 +89,7 @@ class Link:
         departed: the other side has nothing more to send, and everything from here.
         closed: the other group is gone for good.
         gone: the other side has said so itself, with some of its frames not taken.
+        loses: and something is missing with it; it had begun.
         stops: the other side has been told to stop.
         restarts: how often the other side began anew.
         refused: digest of another graph, if that is what the other side runs.
@@ -110,7 +111,7 @@ class Link:
         self.latest, self.rounds = latest, rounds
         self.ready = self.peer_ready = self._known = 0
         self.joined = self.departed = self.closed = False
-        self.gone = self.stops = False
+        self.gone = self.loses = self.stops = False
         self.restarts = 0
         self.refused: bytes | None = None
         self.arrived: deque[Frame] = deque()
@@ -181,7 +182,7 @@ class Link:
             self._arrive(frame, now)
             return
         if frame.kind == frames.GONE and frame.sequence >> COUNT_BITS == self._theirs:
-            self.gone = True
+            self.gone, self.loses = True, not frame.rows
             self._say(frames.BYE, 0)  # so that it need not say so again
         if self.closed:
             return
@@ -297,13 +298,17 @@ class Link:
         hello = _HELLO.pack(self.incarnation, self._theirs, self._outbox.base, *state, self.graph)
         put(self.publisher, head_of(0, 0, 0, 0, frames.HELLO, self.index, 0) + hello)
 
-    def say_end(self, *, whole: bool) -> None:
+    def say_end(self, *, whole: bool, begun: bool = True) -> None:
         """Tell the other side that all is done here, or that what it still waits for is lost.
 
         Args:
             whole: all streams that it reads have ended.
+            begun: there may be something to lose.
         """
-        self._say(frames.BYE if whole and not self.owes else frames.GONE, 0)
+        if whole and not self.owes:
+            self._say(frames.BYE, 0)
+        else:
+            self._say(frames.GONE, 0, turn=int(not begun))
 
     def say_stop(self) -> None:
         """Tell the other side that this one has been told to stop."""

@@ -374,7 +374,7 @@ class Links:
             if link.restarts > before:
                 self._restarted(link.peer)
             if link.gone:
-                self.gone(link.peer)
+                self.gone(link.peer, lost=link.loses)
 
     def _open(self, link: Link, frame: Frame) -> None:
         """Bring in what a frame holds."""
@@ -389,8 +389,9 @@ class Links:
 
     @property
     def has_unread(self) -> bool:
-        """Whether frames have come that nobody has worked on."""
-        return any(link.arrived for link in self.links.values())
+        """Whether data have come that nobody has worked on."""
+        came = (frame for link in self.links.values() for frame in link.arrived)
+        return any(frame.kind == frames.DATA for frame in came)
 
     def break_off(self) -> None:
         """End the streams that are still open where they are, and count what is missing."""

@@ -75,13 +75,16 @@ def barrier(
     return False
 
 
-def farewell(links: Links, patience: float | None = None, *, silent: bool = False) -> int:
+def farewell(
+    links: Links, patience: float | None = None, *, silent: bool = False, begun: bool = True
+) -> int:
     """Wait until all that was sent is taken; return how many frames were not.
 
     Args:
         links: of the group.
         patience: seconds to wait at most; None for as long as it takes.
         silent: do not say that this is the end.
+        begun: this group may have sent something, or been sent something.
     """
     links.flush()
     links.detach()
@@ -95,7 +98,7 @@ def farewell(links: Links, patience: float | None = None, *, silent: bool = Fals
         return sum(link.owes for link in links.links.values())
     for link in links.links.values():
         link.tend(now, at_once=True)
-        link.say_end(whole=links.is_whole(link))
+        link.say_end(whole=links.is_whole(link), begun=begun)
     until = min(until, monotonic() + LINGER)
     while (now := monotonic()) < until:
         left = [x for x in links.links.values() if not (x.departed or x.closed)]
@@ -104,7 +107,7 @@ def farewell(links: Links, patience: float | None = None, *, silent: bool = Fals
         links.drain(now)
         for link in left:
             link.tend(now, at_once=True)
-            link.say_end(whole=links.is_whole(link))  # the one before may be lost
+            link.say_end(whole=links.is_whole(link), begun=begun)  # the one before may be lost
         links.wait(HELLO_EVERY)
     return sum(link.owes for link in links.links.values())
 

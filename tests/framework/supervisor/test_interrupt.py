@@ -87,6 +87,7 @@ def ended(
     signals: int = 1,
     grace: float = 0.05,
     patience: float = 0.0,
+    begun: bool = True,
     number: signal.Signals = signal.SIGINT,
 ) -> int:
     """Do work, one after the other; return how much of it ended.
@@ -96,10 +97,11 @@ def ended(
         signals: how often the run is asked to stop before it, which it ignores.
         grace: seconds that it has then.
         patience: seconds more where no plugin is at work.
+        begun: whether data have come.
         number: of the signal that asks.
     """
     done = 0
-    with interruptible(lambda: None, grace, patience):
+    with interruptible(lambda: None, grace, patience, lambda: begun):
         try:
             for _ in range(signals):
                 os.kill(os.getpid(), number)
@@ -168,6 +170,23 @@ def test_a_second_ctrl_c_interrupts_at_once() -> None:
 
 def test_a_second_sigterm_does_not() -> None:
     assert ended(busy(0.1), signals=2, grace=10 * LONG, number=signal.SIGTERM) == 1
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_plugin_at_its_start_is_interrupted_at_once(begun: bool) -> None:
+    class Starting(lf.Node):
+        def start(self) -> None:
+            busy(SOON)()
+
+        def step(self, x: lf.Heading) -> None: ...
+
+    class AskedMeanwhile(Starting):
+        def start(self) -> None:
+            os.kill(os.getpid(), signal.SIGINT)
+            super().start()
+
+    work = AskedMeanwhile().start
+    assert ended(work, signals=0, grace=10 * LONG, begun=begun) == int(begun)
 
 
 def test_where_no_plugin_is_at_work_there_is_more_patience() -> None:

@@ -122,6 +122,40 @@ def test_who_is_told_to_stop_does_not_wait_for_ever(pair: Pair) -> None:
     assert not meeting.barrier(pair.second, lambda: True, print)
 
 
+@pytest.mark.parametrize("begun", [False, True])
+def test_who_leaves_before_it_has_begun_owes_nothing(pair: Pair, begun: bool) -> None:
+    pair.meet()
+    leaving = threading.Thread(
+        target=meeting.farewell, args=(pair.first, 5.0), kwargs={"begun": begun}
+    )
+    leaving.start()
+    arrivals = taken(pair)
+    leaving.join(5.0)
+    assert not leaving.is_alive()
+    assert arrivals == [(None, END)]
+    assert pair.second.losses["first"].gaps == int(begun)
+
+
+def test_what_nobody_has_worked_on_is_known(pair: Pair) -> None:
+    pair.meet()
+    pair.first.attach(Driver(), lambda first, last: None)  # type: ignore[arg-type]
+    pair.first.note("no data", "second")
+    until = time.monotonic() + 5.0
+    while not any(link.arrived for link in pair.second.links.values()):
+        assert time.monotonic() < until
+        pair.second.drain(time.monotonic())
+    assert not pair.second.has_unread
+    pair.first.tap(WIRE)(lf.Heading(5, 1.0))
+    pair.first.flush()
+    while not pair.second.has_unread:
+        assert time.monotonic() < until
+        pair.second.drain(time.monotonic())
+    pair.second.break_off()
+    assert pair.arrived == [(None, END)]
+    assert pair.second.losses["first"].gaps == 1
+    assert not pair.second.lossless
+
+
 def test_orders_are_looked_for_whatever_ends_a_wait(pair: Pair) -> None:
     pair.meet()
     pair.second.take()
