@@ -74,6 +74,7 @@ class RunningGroup(threading.Thread):
             assert barrier(self.links, lambda: False, lambda missing: None)
             self.engine.begin()
             self.left = farewell(self.links, 30.0)
+            self.left += sum(link.owes for link in self.links.links.values())
         except BaseException as error:
             self.error = error
         finally:

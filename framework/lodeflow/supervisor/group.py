@@ -220,9 +220,9 @@ def _close(
     left = farewell(links, patience, silent=again, begun=engine.begun or links.has_unread)
     if left and report.stopped:
         report.lossless = report.lossless and group.allow_gaps
-        logging.getLogger("lodeflow").warning("%d frames could not be handed over in time", left)
+        logging.getLogger("lodeflow").warning("%d samples could not be handed over in time", left)
     elif left and report.error is None:
-        report.error = str(RunError(f"group '{name}' could not hand over {left} frames"))
+        report.error = str(RunError(f"group '{name}' could not hand over {left} samples"))
 
 
 def as_summary(setup: Setup, report: Report) -> Summary:

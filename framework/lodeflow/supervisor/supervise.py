@@ -285,8 +285,8 @@ class _Supervisor:
         why = _why(name, code, report)
         group = self.setup.graph.processes.get(name, Group(()))
         if self.stop_asked or self.deadline < float("inf"):
-            # With one that had to be killed before it began nothing is lost.
-            begun = child.ready or code != -signal.SIGKILL
+            # With one that had to be killed before it began nothing is lost, but a file left open.
+            begun = child.ready or code != -signal.SIGKILL or name == RECORDER
             self._tell(("gone" if begun else "finished", name))
             if begun and (report is None or report.error is not None):
                 self.summary.error = self.summary.error or RunError(why)

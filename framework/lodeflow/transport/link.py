@@ -145,6 +145,11 @@ class Link:
         return 0 if self.departed else len(self._outbox)
 
     @property
+    def owes_rows(self) -> int:
+        """Records in these frames; others only say how far a stream has come, or hold a text."""
+        return 0 if self.departed else self._outbox.rows
+
+    @property
     def is_matched(self) -> bool:
         """Whether the other side is there to hear anything."""
         status: Any = self.publisher.matching_status  # declared a bool, which it is not

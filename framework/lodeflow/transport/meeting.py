@@ -78,7 +78,7 @@ def barrier(
 def farewell(
     links: Links, patience: float | None = None, *, silent: bool = False, begun: bool = True
 ) -> int:
-    """Wait until all that was sent is taken; return how many frames were not.
+    """Wait until all that was sent is taken; return how many records were not.
 
     Args:
         links: of the group.
@@ -95,7 +95,7 @@ def farewell(
             link.tend(now)
         links.wait(HELLO_EVERY)
     if silent:
-        return sum(link.owes for link in links.links.values())
+        return sum(link.owes_rows for link in links.links.values())
     for link in links.links.values():
         link.tend(now, at_once=True)
         link.say_end(whole=links.is_whole(link), begun=begun)
@@ -109,7 +109,7 @@ def farewell(
             link.tend(now, at_once=True)
             link.say_end(whole=links.is_whole(link), begun=begun)  # the one before may be lost
         links.wait(HELLO_EVERY)
-    return sum(link.owes for link in links.links.values())
+    return sum(link.owes_rows for link in links.links.values())
 
 
 def resign(links: Links, groups: Iterable[str], patience: float, *, stop: bool) -> None:

@@ -38,6 +38,7 @@ class Outbox:
 
     Attributes:
         next: number of the next frame.
+        rows: records in the frames that are kept.
         sent_again: frames that were lost, or may have been, and go once more.
     """
 
@@ -47,7 +48,7 @@ class Outbox:
         self.sent_again = 0
         self._kept: deque[tuple[Payload, bytes | None, int]] = deque()
         self._ahead: deque[int] = deque()  # of each that was put: bytes on their way before it
-        self._bytes = self._rows = self._underway = 0
+        self.rows = self._bytes = self._underway = 0
         self._allowed, self._knee = LEAST, WINDOW_BYTES
 
     def __len__(self) -> int:
@@ -68,11 +69,11 @@ class Outbox:
         """Whether the other side has to catch up first."""
         frames = len(self._kept)
         if self.latest:
-            return frames >= LATEST or self._rows >= LATEST
+            return frames >= LATEST or self.rows >= LATEST
         return (
             frames >= WINDOW
             or self._bytes >= WINDOW_BYTES
-            or (self._rows >= WINDOW_ROWS and frames > FEW)
+            or (self.rows >= WINDOW_ROWS and frames > FEW)
         )
 
     def add(self, payload: Payload, attachment: bytes | None, rows: int) -> None:
@@ -85,7 +86,7 @@ class Outbox:
         self._kept.append((payload, attachment, rows))
         self.next += 1
         self._bytes += size
-        self._rows += rows
+        self.rows += rows
 
     def taken(self, number: int) -> bool:
         """Forget all frames before a number, which the other side has taken; send what waits.
@@ -99,7 +100,7 @@ class Outbox:
         for _ in range(number - self.base):
             payload, _, rows = self._kept.popleft()
             self._bytes -= len(payload)
-            self._rows -= rows
+            self.rows -= rows
             if self._ahead:
                 self._ahead.popleft()
                 self._underway -= len(payload)
@@ -127,7 +128,7 @@ class Outbox:
         """Forget all frames."""
         self._kept.clear()
         self._ahead.clear()
-        self._bytes = self._rows = self._underway = 0
+        self._bytes = self.rows = self._underway = 0
 
     def _go_on(self) -> None:
         """Put frames that have waited, as many as may be on their way."""
