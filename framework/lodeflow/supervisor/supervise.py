@@ -160,7 +160,8 @@ class _Supervisor:
             rundir.begin(setup.run_dir, setup.graph.name, setup.here, nodes)
             _warm_up()
             for name in setup.here:
-                self._start(name)
+                if not self.stop_asked:
+                    self._start(name)
             while self.children or self.due:
                 self._look(woken)
         finally:
@@ -349,7 +350,7 @@ class _Supervisor:
         for name in summary.restarts:
             if not self.setup.graph.processes[name].allow_gaps:
                 summary.lossless = False
-        if self.setup.recording is not None and RECORDER in self.setup.here:
+        if self.setup.recording is not None and RECORDER in self.reports:
             summary.recording = self.setup.recording.path
 
 
