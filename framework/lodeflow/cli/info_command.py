@@ -16,6 +16,7 @@ from lodeflow.errors import RecordingError
 from lodeflow.recording.columns import stream_of
 from lodeflow.recording.events import EVENT_TOPICS
 from lodeflow.recording.info import Info, info
+from lodeflow.sync import END, NEVER
 
 
 @click.command()
@@ -83,8 +84,8 @@ def lines(found: Info) -> list[str]:
         said.append("losses: none")
     said += [
         f"MISSING at {gap.reader}, owed by {gap.sender}: '{gap.stream}'"
-        f"{' from the start' if gap.begin is None else f' from {gap.begin / 1e9:.6f} s'}"
-        f"{' to the end' if gap.end is None else f' to {gap.end / 1e9:.6f} s'}"
+        f"{' from the start' if gap.begin == NEVER else f' from {gap.begin / 1e9:.6f} s'}"
+        f"{' to the end' if gap.end == END else f' to {gap.end / 1e9:.6f} s'}"
         for gap in found.missing
     ]
     if found.recovery is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import struct
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from lodeflow.errors import RecordingError
 from lodeflow.messages.cdr import HEADER, LAST_STAMP
@@ -97,6 +98,30 @@ GAP = EventKind(
 EVENTS = (LOG, CHANGE, GAP)
 EVENT_TOPICS = frozenset(kind.topic for kind in EVENTS)
 """Topics that are no stream of a node."""
+
+
+class RecordedGap(NamedTuple):
+    """A stretch of a stream that did not reach who was to get it.
+
+    Attributes:
+        stream: its name.
+        sender: the group that owed it, or the node if all ran in one process.
+        reader: the group that did not get it; "recorder" for what is not in the recording.
+        begin: first stamp that is missing, ns; NEVER if all is from the start on.
+        end: first stamp that is there again, ns; END if none is.
+    """
+
+    stream: str
+    sender: str
+    reader: str
+    begin: int
+    end: int
+
+    @classmethod
+    def of(cls, values: list[str | int]) -> RecordedGap:
+        """Return what the members of an event say."""
+        stream, sender, reader, begin, end = values
+        return cls(str(stream), str(sender), str(reader), int(begin), int(end))
 
 
 def in_range(t: int) -> int:

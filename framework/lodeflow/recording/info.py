@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lodeflow.errors import MessageError
-from lodeflow.recording.events import GAP
+from lodeflow.recording.events import GAP, RecordedGap
 from lodeflow.recording.fit import Channels, encoding, kind_of, type_name
 from lodeflow.recording.mcap.file import McapFile
 from lodeflow.recording.mcap.raw import parts, topics
@@ -56,24 +56,6 @@ class StreamInfo:
         return (self.count - 1) / ((self.last - self.first) / 1e9)
 
 
-class Missing(NamedTuple):
-    """A stretch of a stream that did not reach who was to get it.
-
-    Attributes:
-        stream: its name.
-        sender: the group that owed it, or the node if all ran in one process.
-        reader: the group that did not get it; "recorder" for what is not in the recording.
-        begin: first stamp that is missing, ns; None if all is from the start on.
-        end: first stamp that is there again, ns; None if none is.
-    """
-
-    stream: str
-    sender: str
-    reader: str
-    begin: int | None
-    end: int | None
-
-
 @dataclass
 class Info:
     """A recording.
@@ -94,7 +76,7 @@ class Info:
     streams: dict[str, StreamInfo] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     losses: dict[str, dict[str, int]] | None = None
-    missing: list[Missing] = field(default_factory=list)
+    missing: list[RecordedGap] = field(default_factory=list)
     recovery: dict[str, Any] | None = None
     attachments: dict[str, int] = field(default_factory=dict)
     graph: str | None = None
@@ -109,7 +91,14 @@ class Info:
             },
             "provenance": self.provenance,
             "losses": self.losses,
-            "missing": [missing._asdict() for missing in self.missing],
+            "missing": [
+                gap._asdict()
+                | {
+                    "begin": None if gap.begin == NEVER else gap.begin,
+                    "end": None if gap.end == END else gap.end,
+                }
+                for gap in self.missing
+            ],
             "recovery": self.recovery,
             "attachments": self.attachments,
             "graph": self.graph is not None,
@@ -152,14 +141,11 @@ def info(path: str | Path) -> Info:
     return found
 
 
-def _missing(file: McapFile, channels: list[int]) -> list[Missing]:
+def _missing(file: McapFile, channels: list[int]) -> list[RecordedGap]:
     found = []
     for part in parts(file, {GAP.topic: channels}) if channels else ():
         rows = part[GAP.topic].rows(file, GAP.topic)
-        for index in range(len(rows.t)):
-            stream, sender, reader, begin, end = GAP.decode(rows.payload(index))
-            span = (None if begin == NEVER else int(begin), None if end == END else int(end))
-            found.append(Missing(str(stream), str(sender), str(reader), *span))
+        found += [RecordedGap.of(GAP.decode(rows.payload(i))) for i in range(len(rows.t))]
     return found
 
 

@@ -10,7 +10,7 @@ from lodeflow.errors import RecordingError, did_you_mean
 from lodeflow.graph import Graph, GraphNode, Wire
 from lodeflow.graph.changes import with_change
 from lodeflow.graph.groups import RECORDER
-from lodeflow.recording.events import CHANGE, GAP, EventKind, in_range
+from lodeflow.recording.events import CHANGE, GAP, EventKind, RecordedGap, in_range
 from lodeflow.recording.recorder import Recorder, Taker
 from lodeflow.runtime.gaps import without
 from lodeflow.runtime.plan import Change, Plan
@@ -26,16 +26,6 @@ class RecordedChange(NamedTuple):
     node: str
     use: str
     params: str
-
-
-class RecordedGap(NamedTuple):
-    """Stamps from `begin` to before `end` (ns) of a stream did not reach a group."""
-
-    stream: str
-    sender: str
-    reader: str
-    begin: int
-    end: int
 
 
 @dataclass(frozen=True)
@@ -108,7 +98,7 @@ def read_past(recording: Recording, graph: Graph, overridden: Callable[[str], bo
             continue
         graph = with_change(graph, change.node, change.use, change.params)
         changes.append((change, graph.nodes[change.node]))
-    gaps = [RecordedGap(*values) for _, values in _events(recording, GAP)]
+    gaps = [RecordedGap.of(values) for _, values in _events(recording, GAP)]
     homes = {node: name for name, group in graph.processes.items() for node in group.nodes}
     return Past(tuple(changes), tuple(gaps), homes)
 

@@ -19,8 +19,9 @@ from lodeflow.clock import sleep
 from lodeflow.errors import LodeflowError
 from lodeflow.supervisor.setup import Pipe, Report
 
-LAST_WORDS = 1.3
-"""Seconds between the end of a supervisor and that of a child that does not stop by itself."""
+LAST_WORDS = 1.5
+"""Seconds between the end of a supervisor and that of a child that does not stop by itself; the
+recorder closes its file before."""
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 """Names of malloc.h."""
 

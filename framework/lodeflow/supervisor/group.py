@@ -11,13 +11,12 @@ from typing import Any
 
 from lodeflow.clock import monotonic
 from lodeflow.errors import LodeflowError, RunError
-from lodeflow.graph.partition import farthest
 from lodeflow.recording.events import in_range, log_fields
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.exchange import part_of
 from lodeflow.runtime.plan import Plan
 from lodeflow.supervisor.answers import Answers
-from lodeflow.supervisor.interrupt import interruptible, told
+from lodeflow.supervisor.interrupt import interruptible, interruption
 from lodeflow.supervisor.run import keep_scores
 from lodeflow.supervisor.rundir import link_socket, look_socket
 from lodeflow.supervisor.setup import Report, Setup
@@ -66,7 +65,7 @@ def open_links(
         part,
         setup.groups,
         setup.digest,
-        rounds=farthest(setup.parts) + 1,
+        rounds=setup.rounds,
         on_note=on_note,
         attend=lambda links: obey(links, orders),
     )
@@ -174,7 +173,7 @@ def run_group(setup: Setup, name: str, tell: Tell, orders: deque[Any], awake: li
         closing()
         if interrupted is not None:
             report.lossless = setup.graph.processes[name].allow_gaps
-            logging.getLogger("lodeflow").warning(told(interrupted))
+            logging.getLogger("lodeflow").warning(interruption(interrupted))
         window.close()
         _close(setup, name, plan, engine, links, report, tell)
         close()

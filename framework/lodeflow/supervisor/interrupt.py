@@ -104,7 +104,7 @@ def interruptible(
         sys.unraisablehook = report
 
 
-def told(error: KeyboardInterrupt) -> str:
+def interruption(error: KeyboardInterrupt) -> str:
     """Return what is said of a run that was interrupted after data had come in."""
     what = "the run"
     for frame, _ in traceback.walk_tb(error.__traceback__):

@@ -119,6 +119,7 @@ def run_recorder(setup: Setup, tell: Tell, orders: deque[Any], awake: list[Any])
             recorder.close({"summary": json.dumps(summary)})
         except LodeflowError as error:
             report.error = report.error or str(error)
+        tell(report)  # now: the file is closed, and whoever hangs may take too long to answer
         farewell(links, 0.3 if report.stopped or report.error else None)
         close()
     return report

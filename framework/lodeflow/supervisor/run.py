@@ -23,7 +23,7 @@ from lodeflow.recording.provenance import provenance
 from lodeflow.recording.recorder import Recorder
 from lodeflow.runtime.engine import Engine
 from lodeflow.runtime.plan import Counters, Plan
-from lodeflow.supervisor.interrupt import interruptible, told
+from lodeflow.supervisor.interrupt import interruptible, interruption
 from lodeflow.supervisor.seen import Look, Seen
 from lodeflow.supervisor.summary import Summary
 
@@ -107,7 +107,7 @@ def run(
             summary.error = failure
         closing()
         if interrupted is not None:
-            logging.getLogger("lodeflow").warning(told(interrupted))
+            logging.getLogger("lodeflow").warning(interruption(interrupted))
             if recorder is not None:
                 sources = {node.name for node in plan.sources}
                 recorder.break_off([w for w in graph.streams() if w.node not in sources])

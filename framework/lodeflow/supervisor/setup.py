@@ -45,6 +45,7 @@ class Setup:
         parts: its groups, those of other hosts included; the recorder is the last.
         here: names of those that run on this host.
         run_dir: where they listen.
+        rounds: see `Links`.
         samples: whether single samples are run, in all groups.
         speed: see `Engine`.
         duration: likewise, ns.
@@ -62,6 +63,7 @@ class Setup:
     parts: Mapping[str, Part]
     here: tuple[str, ...]
     run_dir: Path
+    rounds: int
     samples: bool
     speed: float | None = None
     duration: int | None = None

@@ -23,7 +23,7 @@ from lodeflow.graph import Graph
 from lodeflow.graph.changes import with_change
 from lodeflow.graph.groups import RECORDER
 from lodeflow.graph.model import Group
-from lodeflow.graph.partition import partition
+from lodeflow.graph.partition import farthest, partition
 from lodeflow.runtime.plan import Counters
 from lodeflow.supervisor import rundir
 from lodeflow.supervisor.child import Child
@@ -102,6 +102,7 @@ def supervise(
         parts,
         here,
         rundir.place(graph.name),
+        farthest(parts) + 1,
         samples=samples,
         speed=speed,
         duration=None if duration is None else seconds(duration),

@@ -271,6 +271,17 @@ class Links:
         """Whether everything arrived here, but for what groups owed that may have gaps."""
         return all(x.is_lossless for name, x in self.losses.items() if name not in self._may_lose)
 
+    @property
+    def has_unread(self) -> bool:
+        """Whether data have come that nobody has worked on."""
+        came = (frame for link in self.links.values() for frame in link.arrived)
+        return any(frame.kind == frames.DATA for frame in came)
+
+    def break_off(self) -> None:
+        """End the streams that are still open where they are, and count what is missing."""
+        for inlet in self._inlets.values():
+            inlet.end(lost=True)
+
     def note(self, text: str, group: str = "") -> None:
         """Send a text to the recorder (or to a group), if it is there."""
         link = self.by_name.get(group or RECORDER)
@@ -386,17 +397,6 @@ class Links:
             self.losses[link.peer].undecodable += 1
             return
         inlet.bring(frame.first, frame.bound, frame.rows, frame.payload)
-
-    @property
-    def has_unread(self) -> bool:
-        """Whether data have come that nobody has worked on."""
-        came = (frame for link in self.links.values() for frame in link.arrived)
-        return any(frame.kind == frames.DATA for frame in came)
-
-    def break_off(self) -> None:
-        """End the streams that are still open where they are, and count what is missing."""
-        for inlet in self._inlets.values():
-            inlet.end(lost=True)
 
     def _end(self, link: Link, left: list[Frame], lost: bool) -> None:
         """End the streams of a group that is gone, behind what had arrived of them."""

@@ -133,5 +133,6 @@ def test_what_did_not_arrive_is_told(path):
             record = np.frombuffer(payload, dtype=np.uint8)[None]
             writer.write(channel, np.array([in_range(begin)]), record)
     found = info(path)
-    assert found.missing == [("s.a", "one", "two", None, 7), ("s.a", "one", "two", 7, None)]
-    json.dumps(found.as_dict(), allow_nan=False)
+    assert found.missing == [("s.a", "one", "two", NEVER, 7), ("s.a", "one", "two", 7, END)]
+    told = json.loads(json.dumps(found.as_dict(), allow_nan=False))["missing"]
+    assert [(gap["begin"], gap["end"]) for gap in told] == [(None, 7), (7, None)]

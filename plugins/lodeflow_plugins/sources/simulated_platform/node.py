@@ -86,7 +86,7 @@ class SimulatedPlatform(lf.Source):
         self.earth_force = np.array([0.0, 0.0, self.vehicle.gravity])
         self.earth_field = p.field * np.array([0.0, np.cos(p.dip), -np.sin(p.dip)])
         self.drift = np.zeros(3)
-        self._rows(0, np.arange(1))  # compiles
+        self._rows(0, np.arange(1))  # compiles, and walks
         self.drift = np.zeros(3)
 
     def read(self, clock: lf.Clock) -> Iterator[Ports]:
