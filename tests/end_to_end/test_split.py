@@ -38,6 +38,18 @@ class Late(lf.Node):
     def step(self, x: Count) -> Count:
         return x
 """
+HARD = """\
+import signal
+import time
+import lodeflow as lf
+from toys import Count
+
+class Hard(lf.Node):
+    def step(self, x: Count) -> Count:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGALRM})
+        time.sleep(60)
+        return x
+"""
 CHAIN = """\
 lodeflow: 1
 name: chain
@@ -323,6 +335,21 @@ def test_a_node_that_is_interrupted_takes_no_other_group_with_it(toy: CommandLin
         (stream, reader) for stream in ("double", "triple") for reader in ("ends", "recorder")
     }
     toy("replay", "out.mcap", "--check", "--set", "double.sleep=0")
+
+
+def test_a_node_that_cannot_be_interrupted_is_killed(toy: CommandLine) -> None:
+    """Its group alone is named, and the recording is closed by then."""
+    toy.write("hard.py", HARD)
+    toy.write("hard.yaml", CHAIN.replace("late:Late", "hard:Hard"))
+    process = toy.start("run", "hard.yaml", "--realtime", "--json", "--processes", "split",
+                        "--record", "out.mcap")  # fmt: skip
+    wait_for_recording(toy.folder / "out.mcap")
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=20)
+    assert process.returncode == 1, output + errors
+    assert summary(output)["error"] == "group 'last' was ended by SIGKILL"
+    missing = summary(toy("info", "out.mcap", "--json").stdout)["missing"]
+    assert [(gap["stream"], gap["reader"]) for gap in missing] == [("last", "recorder")]
 
 
 @pytest.mark.parametrize("policy", ["stop", "continue"])

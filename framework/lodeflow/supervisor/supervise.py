@@ -32,7 +32,7 @@ from lodeflow.supervisor.run import LONGEST, Progress, recording_of
 from lodeflow.supervisor.setup import Recording, Report, Setup, digest
 from lodeflow.supervisor.summary import Summary
 
-PATIENCE = 1.6
+PATIENCE = 1.5
 """Seconds that children have to end after Ctrl-C; then they are killed."""
 SHOWN_EVERY = 0.2
 """Seconds between two looks at the progress."""
